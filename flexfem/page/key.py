@@ -46,10 +46,12 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
     plane, model = PLANES[subject.model], at_rest.axes["model"][-1] if meshed else ANALYTIC
     analytic = at_rest.settings.get("analytic model", f"rigid bodies, hinges as beams, {plane}")
     rows = rows_at_rest(at_rest, model, analytic)
-    singles = [("first natural frequency, in the plane", vibrating.texts("frequency", mode="1")[-1])]
+    first = vibrating.axes["mode"][0]  # with layers "1 in the plane" or "1 out of the plane"
+    motion_of_first = first.partition(" ")[2] or "in the plane"
+    singles = [(f"first natural frequency, {motion_of_first}", vibrating.texts("frequency", mode=first)[-1])]
     figures = list[Markup]()
-    if meshed:
-        fields = vibrating.fields
+    fields = vibrating.fields
+    if meshed and fields is not None:  # a mechanism in three dimensions has none
         shape = fields.shapes[0] if isinstance(subject, Stage) else fields.made()["mode 1"]
         figures.append(_moving("0", f"First natural mode, {singles[0][1]}.", fields.mesh, shape, True))
     if isinstance(subject, Stage):
@@ -101,12 +103,14 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
     The stage has no band of the force at yield: it is that of the stiffness and of the range, relative.
     """
     K, width = (np.diagonal(part, axis1=1, axis2=2) for part in (found.at("stiffness"), found.band("stiffness")))
-    force, share = found.at("yield_force"), found.band("yield_range") / found.at("yield_range")
-    bands = {"yield_force": force * (share + width / K)} | found.internal.bands
+    bands = dict(found.internal.bands)
+    if "yield_force" in found.values:
+        share = found.band("yield_range") / found.at("yield_range")
+        bands.setdefault("yield_force", found.at("yield_force") * (share + width / K))
     found = type(found)(found.about, found.internal.values, bands, found.axes)
     held = [found.texts("stiffness", model=model, component=axis)[k] for k, axis in enumerate(DIRECTIONS)]
     rows = [["stiffness, other directions held", *held]]
-    rows += [[title, *found.texts(name, model=model)] for name, title in AT_REST.items()]
+    rows += [[title, *found.texts(name, model=model)] for name, title in AT_REST.items() if name in found.values]
     for label, other in zip(found.axes["model"][:-1], K[:-1], strict=True):
         ratio = 100 * other / K[-1]
         errors = [f"{number(*pair)} %" for pair in zip(ratio - 100, ratio * (width / K)[-1], strict=True)]

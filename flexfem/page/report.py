@@ -70,6 +70,7 @@ ANSWERED: dict[str, tuple[str, tuple[Question, ...], tuple[Question, ...]]] = { 
     "drift": ("Drift by temperature", (drift,), (drift,)),
     "life": ("Fatigue life", (life,), ()),
 }
+OF_HINGES = ("analytic", "budget", "stress", "life")  # sections that a plate without hinges does not have
 SECTIONS, STANDARD = tuple(ANSWERED), tuple(ANSWERED)[:5]
 DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None]] = {  # with the function of the figure
     "design": ("Design", design_figure),
@@ -313,6 +314,10 @@ def _plate_subject(plate: Stage | Mechanism, names: Sequence[str], amplitude: An
             required_law(plate.material)
         if "drift" in names:
             require_expansion(plate)
+    if not plate.layout.joints:
+        names = [name for name in names if name not in OF_HINGES]
+        if not names:
+            raise BadInput(f"{plate.origin}: no [[hinge]], expected sections other than {', '.join(OF_HINGES)}")
     checked, meshed = check(plate), not (WITHOUT_MESH if stage else {"analytic"}).issuperset(names)
     if stage and meshed:  # both models are in the same plane problem
         plate = stage.model_copy(update={"model": stage.model})

@@ -262,6 +262,7 @@ def _in_depth(
 
 
 def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress: Progress | None) -> AsBuilt:
+    setup.require_hinges(mechanism, "whose necks are measured", "a mechanism with hinges")
     layout = mechanism.layout
     drawn: dict[HingePlace, float] = {(None, joint.name): joint.profile.neck for joint in layout.joints}
     measured = read_necks(necks, drawn)

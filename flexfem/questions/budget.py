@@ -24,7 +24,17 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, warnings
 from flexfem.questions.bands import SAFETY, command_errors, error_bands, error_matrix, levels, solve_solid
 from flexfem.questions.plates import ElasticParts
-from flexfem.questions.setup import PLATE_SOLID_RESOLUTION, Mesh, about, answer, lever_of, on_meshes, options, solved
+from flexfem.questions.setup import (
+    PLATE_SOLID_RESOLUTION,
+    Mesh,
+    about,
+    answer,
+    lever_of,
+    on_meshes,
+    options,
+    require_hinges,
+    solved,
+)
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -104,6 +114,7 @@ def budget(
     """
     steps, lever = levels(arguments.resolution(resolution, 4)), lever_of(stage)
     if isinstance(stage, Mechanism):
+        require_hinges(stage, "which the analytic model needs whose error is split", plates.BY_ELEMENTS)
         return _of_mechanism(stage, steps, plane, progress)
     commands = np.asarray(arguments.poses("amplitude", amplitude, 1)).ravel()
     if not np.all((commands > 0) & (commands <= LARGEST_AMPLITUDE)):

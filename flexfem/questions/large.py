@@ -29,6 +29,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, levels, percentages
 from flexfem.questions.plates import ON_MESHES, PEAK, model_of
+from flexfem.questions.plates import solved as solved_plate
 from flexfem.questions.setup import Mesh, about, answer, for_mechanisms, mesh_of, meshed, on_meshes, solved
 from flexfem.results import SOLVED, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
@@ -44,7 +45,7 @@ AMPLITUDES = (1e-9, 1e3)  # mm: below there is only round-off; warnings report a
 WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
 THEORIES = ("(16) without second-order terms", "(16)", "exact", "finite elements", "finite elements, same load")
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the load on a mechanism
-MECHANISM_THEORIES = ("linear", "beams", "finite elements")
+LINEAR, BEAMS, ELEMENTS = "linear", "beams", "finite elements"  # theories of a mechanism
 PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points by which finite elements change with their mesh
 
 
@@ -92,8 +93,8 @@ class MechanismLarge(Result):
     main = ("pose", {"load": "100 %"})
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in SHARES)}
     reading = (
-        "linear: the analytic network with rigid bodies; beams: the same with hinges as co-rotational beams; finite "
-        "elements: plane, with finite rotations and elastic bodies",
+        "linear: the analytic network with rigid bodies, or finite elements of a plate without hinges; beams: the "
+        "network with hinges as co-rotational beams; finite elements: plane, with finite rotations and elastic bodies",
         "the rotation is that of the rigid motion nearest to the motion of the contact",
     )
     force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
@@ -179,7 +180,11 @@ def _of_mechanism(
 ) -> MechanismLarge:
     """Return the displacements under a load, or under one along the softest translation that moves by an amplitude."""
     layout = mechanism.layout
-    C = respond(layout).compliance
+    if layout.joints:
+        C = respond(layout).compliance
+    else:
+        assert mesh is not None
+        C = solved_plate(mechanism, mesh.resolution).compliance
     if force is None:
         size = arguments.between("amplitude", amplitude, 1e-6, 1e4, " mm")
         softest = int(np.argmax(np.diag(C)[:2]))
@@ -189,9 +194,15 @@ def _of_mechanism(
         load = arguments.forces("force", force, 1)
     loads = np.zeros((len(SHARES), len(C)))
     loads[:, :3] = np.outer(SHARES, load)
-    found = displaced(layout, loads)
-    poses = [loads @ C[:, :3], found.motions[:, :3]]
-    tangents = [np.broadcast_to(C, found.compliance.shape), found.compliance]
+    poses = [loads @ C[:, :3]]
+    tangents: list[Array] = [np.broadcast_to(C, (len(loads), *C.shape))]
+    stable, theories = True, [LINEAR]
+    if layout.joints:
+        found = displaced(layout, loads)
+        poses.append(found.motions[:, :3])
+        tangents.append(found.compliance)
+        stable = bool(np.all(found.stable))
+        theories.append(BEAMS)
     values, bands = {"force": loads[:, :3]}, dict[str, Array]()
     if mesh is not None:
         steps = levels(mesh.resolution)
@@ -199,15 +210,16 @@ def _of_mechanism(
         poses.append(each[-1].pose[:, :3])
         tangents.append(each[-1].compliance)
         values["strain"] = each[-1].strain
+        theories.append(ELEMENTS)
         sizes = np.array(steps, dtype=float)
         alike = {"pose": [one.pose[:, :3] for one in each], "stiffness": [_along(one.compliance) for one in each]}
         for name, parts in alike.items():
-            bands[name] = np.full((len(SHARES), len(MECHANISM_THEORIES), 3), np.nan)
+            bands[name] = np.full((len(SHARES), len(theories), 3), np.nan)
             bands[name][:, -1] = corner_bands(sizes, np.array(parts))
     values |= {"pose": np.stack(poses, axis=1), "stiffness": np.stack([_along(one) for one in tangents], axis=1)}
-    stable = np.all(found.stable) and np.linalg.eigvalsh(tangents[-1])[:, 0].min() > 0
+    stable = stable and np.linalg.eigvalsh(tangents[-1])[:, 0].min() > 0
     warnings = [] if stable else ["an equilibrium is not stable under dead loads"]
-    labels = {"theory": MECHANISM_THEORIES[: len(poses)]}
+    labels = {"theory": theories}
     return answer(MechanismLarge, mechanism, {}, mesh, {}, values, labels, bands, warnings=warnings)
 
 

@@ -316,6 +316,7 @@ def life(
     >>> f"{float(found.life[0]):.3g}"
     '1.03e+10'
     """
+    setup.require_hinges(stage, "whose fatigue life is computed", "a mechanism with hinges")
     mesh = plates.mesh_of(stage, models, resolution, None)
     pose, about = checked_amplitude(amplitude), None
     if mean is not None:

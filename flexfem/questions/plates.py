@@ -30,7 +30,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SAFETY, coarser, corner_bands, error_bands, levels, solve_solid
-from flexfem.questions.setup import ELASTIC, Mesh, ModelAnswer, Models, answer, on_meshes, sectors_of
+from flexfem.questions.setup import ELASTIC, Mesh, ModelAnswer, Models, answer, on_meshes, require_hinges, sectors_of
 from flexfem.questions.setup import mesh_of as plain_mesh_of
 from flexfem.questions.setup import solved as solved_stage
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, MAGNITUDE, SOLID, STRESS, Progress, Quantity, Result
@@ -38,6 +38,7 @@ from flexfem.units import DIRECTIONS
 
 PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
+BY_ELEMENTS = "stiffness or converge, by finite elements alone"
 PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
 PEAKS = ("stress", "hinge_stress", "yield_range", "yield_force")
 # Possible errors of `Thickness`, measured on whole plates in three dimensions (`benchmarks/thickness.py`)
@@ -341,10 +342,14 @@ def by_models(
 ) -> dict[str, ModelAnswer]:
     """Return the values of all requested models, with bands of finite elements; a stage has one analytic model.
 
+    A plate without hinges has no analytic model.
+
     of_network : values with rigid bodies or, for True, with elastic parts.
     """
     stage = isinstance(plate, Stage)
-    labels = () if models == "elements" else (ANALYTIC,) if stage or models == "analytic" else (ANALYTIC, ELASTIC)
+    labels: tuple[str, ...] = ()
+    if models != "elements" and plate.layout.joints:
+        labels = (ANALYTIC,) if stage or models == "analytic" else (ANALYTIC, ELASTIC)
     found = {label: ModelAnswer(of_network(label == ELASTIC)) for label in labels}
     if mesh is None:
         return found
@@ -401,7 +406,8 @@ def compliances(mechanism: Mechanism, steps: Sequence[int], progress: Progress |
 
 
 def verification(mechanism: Mechanism) -> MechanismErrors:
-    """Return the errors of both analytic networks of a mechanism."""
+    """Return the errors of both analytic networks of a mechanism. Raises BadInput for one without hinges."""
+    require_hinges(mechanism, "which the analytic models need that are compared with finite elements", BY_ELEMENTS)
     steps, lever, models = levels(RESOLUTION), mechanism.layout.lever, dict[str, ModelAnswer]()
     C = compliances(mechanism, steps)
     for label in (ANALYTIC, ELASTIC):

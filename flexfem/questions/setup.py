@@ -190,6 +190,7 @@ PLATE_SOLID_RESOLUTION = 4  # of mechanisms: the plane compliance of leaf spring
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 ELASTIC = "elastic bodies"  # label of the network of parts, each with the compliance by finite elements of it alone
 ELASTIC_READ = f"{ELASTIC}: bodies and hinges by finite elements of each part, joined at rigid sections"
+NO_HINGES = "the plate has no hinges: the analytic models do not apply, and all numbers are those of finite elements"
 BY_HINGES = (
     f"{SOLID}: plane finite elements of the plate, and three-dimensional ones of every hinge, also in the elastic "
     "bodies; the analytic model is in plane stress"
@@ -214,9 +215,11 @@ def mesh_of(
 ) -> Mesh | None:
     """Return the requested mesh, by default the usual plane or three-dimensional one; None without finite elements.
 
-    Raises BadInput if a mesh is requested without finite elements, or if it is too coarse or too fine.
+    Raises BadInput if a mesh is requested without finite elements, if it is too coarse or too fine, or for analytic
+    models alone of a plate without hinges.
     """
     if models == "analytic":
+        require_hinges(plate, "which the analytic models need", "models 'both' or 'elements'")
         for name, value in (("resolution", resolution), ("layers", layers)):
             if value is not None:
                 raise BadInput(f"{name} {value} with models 'analytic', expected models with finite elements")
@@ -225,6 +228,12 @@ def mesh_of(
         layers = arguments.layers(layers, 3)
         usual = PLATE_SOLID_RESOLUTION if isinstance(plate, Mechanism) else usual_solid
     return Mesh(arguments.resolution(usual if resolution is None else resolution, least), layers or 0)
+
+
+def require_hinges(plate: Stage | Mechanism, clause: str, expected: str) -> None:
+    """Raise BadInput for a plate without hinges: "no [[hinge]]", a relative clause, and what is `expected` instead."""
+    if not plate.layout.joints:
+        raise BadInput(f"{plate.origin}: no [[hinge]], {clause}, expected {expected}")
 
 
 def lever_of(plate: Stage | Mechanism) -> float:
@@ -348,6 +357,7 @@ def answer(
         others["warnings"] = [*others.get("warnings", ()), *warned]
         by_hinges = SOLID in models and mesh is not None and not mesh.layers
         read = [ELASTIC_READ] * (ELASTIC in models) + [BY_HINGES] * by_hinges
+        read += [] if layout.joints else [NO_HINGES]
         others["notes"] = [*others.get("notes", ()), *read]
     stacked, widths = stack_models(kind, models, labels)
     subject = subject if isinstance(subject, About) else about(subject)
