@@ -289,13 +289,16 @@ def changed_outputs(loaded: LoadedStudy) -> dict[str, list[str]]:
 
     The analytic model computes a design of the sample, and the same with one factor after the other at its least and
     greatest value in the sample. In studies by finite elements only factors that leave their mesh and stiffness as
-    they are can change nothing, such as a yield strength; the others are left out.
+    they are can change nothing, such as a yield strength; the others are left out. Of a mechanism these are factors
+    that leave the whole mechanism as it is, such as a parameter that no number of the file uses.
     """
     study, drawn = loaded.study, sample(loaded, 0, min(loaded.count, LOOKED_AT))
     checked = [index for index, column in enumerate(loaded.columns) if np.ptp(drawn[:, index]) > 0]
+    if study.model != "analytic" and study.on_mechanism:
+        return {loaded.columns[index].name: [] for index in checked if _is_without_effect(loaded, drawn, index)}
     if study.model != "analytic":
         attributes = [{keys()[path].attribute for path in column.keys} for column in loaded.columns]
-        checked = [index for index in checked if not study.on_mechanism and attributes[index] <= INELASTIC]
+        checked = [index for index in checked if attributes[index] <= INELASTIC]
         study = study.model_copy(update={"model": "analytic", "bands": False})
     if not checked:
         return {}
@@ -318,6 +321,22 @@ def changed_outputs(loaded: LoadedStudy) -> dict[str, list[str]]:
         for place, index in enumerate(checked)
         if known[place].all()
     }
+
+
+def _is_without_effect(loaded: LoadedStudy, drawn: Array, column: int) -> bool:
+    """Whether mechanisms with the least and the greatest value of a column are the same."""
+    mechanisms = list[Mechanism]()
+    for value in (drawn[:, column].min(), drawn[:, column].max()):
+        values = drawn[len(drawn) // 2].copy()
+        values[column] = value
+        try:
+            plate = plate_of(loaded, values)
+        except BadInput:
+            return False
+        assert isinstance(plate, Mechanism)
+        mechanisms.append(plate)
+    one, other = mechanisms
+    return one.hash == other.hash and one.frame == other.frame and one.material == other.material
 
 
 def factor_warnings(loaded: LoadedStudy, changes: dict[str, list[str]]) -> list[str]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import flexfem
 from flexfem.studies import plot_study, run_study, status_facts, study_status
 from flexfem.study.answer import answer, changed_outputs, factor_warnings
-from flexfem.study.loaded import sample
+from flexfem.study.loaded import load_study, sample
 from flexfem.study.run import parts_of, table_of, write_part
 
 FEW = 'method = "monte_carlo"\ndesigns = 200\nseed = 5'
@@ -86,3 +87,19 @@ def test_a_factor_that_a_table_of_designs_never_varies_is_not_named(studies) -> 
     factors = 'key = "hinges.base.neck_mm"', 'label = "w"\nkey = "chain.link_width_mm"'
     loaded = studies.of('method = "table"\nfile = "d.csv"', *factors, tail=KXX)
     assert factor_warnings(loaded, changed_outputs(loaded)) == []
+
+
+def test_a_parameter_that_a_mechanism_does_not_use_is_named_in_studies_of_both_models(tmp_path) -> None:
+    flexfem.new_stage(tmp_path / "guide.toml", kind="parallelogram")
+    text = (tmp_path / "guide.toml").read_text().replace("[parameters]\n", "[parameters]\nunused_mm = 3.0\n")
+    (tmp_path / "guide.toml").write_text(text)
+    for model, label in (("analytic", "analytic"), ("fe", "three_dimensions")):
+        (tmp_path / "s.toml").write_text(
+            f'name = "s"\nstage = "guide.toml"\nmodel = "{model}"\nask = ["stiffness.free.{label}.x"]\n'
+            '[sampling]\nmethod = "monte_carlo"\ndesigns = 5\nseed = 3\n'
+            '[[factor]]\nkey = "parameters.unused_mm"\nfrom = 1.0\nto = 2.0\n'
+            '[[factor]]\nkey = "parameters.neck_mm"\nfrom = 0.4\nto = 0.5\n'
+        )
+        loaded = load_study(tmp_path / "s.toml")
+        (said,) = factor_warnings(loaded, changed_outputs(loaded))
+        assert said.startswith(f"factor parameters.unused_mm changes none of stiffness.free.{label}.x")
