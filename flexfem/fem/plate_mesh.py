@@ -119,7 +119,7 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         sizes = joint.profile.sizes(fine)
         middle = joint.profile.section
         at_neck = [size for points, size, radius in sizes if min(abs(z - middle) for z in points) <= radius]
-        if at_neck:
+        if at_neck and joint.profile.even_section:
             divisions[f"neck {index}"] = math.ceil(float(joint.profile.height(np.array(middle))) / min(at_neck) - 1e-6)
         for points, size, radius in sizes:
             at = (complex(joint.place + z * cmath.exp(1j * joint.heading)) for z in points)

@@ -34,7 +34,8 @@ CORNER_POWER = 0.4555  # of the distance in the stress at a right-angled inner c
 SHARP_TURN = math.radians(3.0)  # of the edge at an inner corner; the stress there grows by 2 % per halved triangle
 GRADED_TURN = math.radians(20.0)  # the same from which triangles are graded towards the corner
 LOW_END = 2.0  # height of an end over that of the neck, below which its corners with the body count as sharp
-PER_PIECE = 5  # positions between two rows at which the curvature of a smooth table sets the triangle size
+PER_PIECE = 9  # positions between two rows at which the curvature of a smooth table sets the triangle size
+TIGHTEST = 1e-5  # radius of a smooth table, per neck, below which its edge cannot be meshed
 UNIFORM = 0.1  # change of the height per length up to which a part of a table is meshed as the middle of a leaf
 APART = 1e-9  # rad, between pieces of a smooth edge: OpenCASCADE joins tangent ones, and then misses areas by 1 %
 SLIGHTEST = 1e-6  # neck over root radius below which there is no stress concentration
@@ -180,6 +181,11 @@ class Profile:
     def section(self) -> float:
         """Position, mm, of the section near the middle of the axis that edges of triangles follow."""
         return 0.0
+
+    @property
+    def even_section(self) -> bool:
+        """Whether triangles along this section are equally large."""
+        return True
 
     @property
     def sharp(self) -> bool:
@@ -510,6 +516,15 @@ class Tabulated(Profile):
             pair = f"rows {back[0] + 1} and {back[0] + 2}"
             raise BadDimension("table", f"ascending positions, unlike those of {pair}; draw a step as a steep flank")
         object.__setattr__(self, "neck", float(rows[:, 1].min()))
+        if self.smooth:
+            places, radius = self._curvature
+            tightest = int(np.argmin(radius))
+            if radius[tightest] < TIGHTEST * self.neck:
+                k = int(np.searchsorted(self._rows[0], places[tightest]))
+                found = f"that between rows {k} and {k + 1} has a radius of {radius[tightest]:.1g} mm"
+                raise BadDimension(
+                    "table", f"rows apart enough for a smooth curve: {found}; smooth = false draws lines"
+                )
 
     def with_neck(self, neck: float) -> Tabulated:
         return replace(self, table=tuple((x, height + neck - self.neck) for x, height in self.table))
@@ -549,6 +564,11 @@ class Tabulated(Profile):
         after = int(np.searchsorted(x, 0.0))
         nearest = float(min(x[after - 1], x[after], key=abs))
         return nearest if abs(nearest) < (x[after] - x[after - 1]) / 4 else 0.0
+
+    @property
+    def even_section(self) -> bool:
+        """As of any profile; at a row triangles may have to be smaller at the edge."""
+        return float(np.min(np.abs(self._rows[0] - self.section))) > SHORTEST
 
     @property
     def _neck_place(self) -> float:
@@ -648,11 +668,19 @@ class Tabulated(Profile):
         near = np.minimum(np.append(steps, np.inf), np.insert(steps, 0, np.inf))
         yield from zip(x.tolist(), h.tolist(), near.tolist(), strict=True)
         if self.smooth:
-            share = np.linspace(0, 1, PER_PIECE)[:, None]
-            places = np.ravel(x[:-1] + share * np.diff(x))
-            slope, bend = self._curve(places, 1) / 2, np.abs(self._curve(places, 2)) / 2
-            radius = (1 + slope**2) ** 1.5 / np.maximum(bend, SHORTEST)
-            yield from zip(places.tolist(), self.height(places).tolist(), (radius / 2).tolist(), strict=True)
+            places, radius = self._curvature
+            sizes = np.minimum(radius, np.tile(steps / 2, PER_PIECE)) / 2
+            yield from zip(places.tolist(), self.height(places).tolist(), sizes.tolist(), strict=True)
+
+    @cached_property
+    def _curvature(self) -> tuple[Array, Array]:
+        """Positions (n,) between the rows, and radii (n,), mm, of the smooth edge there."""
+        x = self._rows[0]
+        share = np.linspace(SHORTEST, 1 - SHORTEST, PER_PIECE)[:, None]
+        places = np.ravel(x[:-1] + share * np.diff(x))
+        slope = self._curve(places, 1) / 2
+        bend = np.abs(self._curve(places, 2)) / 2
+        return places, (1 + slope**2) ** 1.5 / np.maximum(bend, SHORTEST)
 
     def _rounded(self, length: float) -> float:
         """Round a length, mm, down to one of few, so that many places share a triangle size."""

@@ -234,6 +234,7 @@ def test_sizes_resolve_the_neck(profile: Profile):
         ("profile", {"table": [[0, 1], [2, 1]]}, "table"),
         ("profile", {"table": [[0, 1], [2, 1], [1, 1]]}, "table"),
         ("profile", {"table": [[0, 1], [2, 1], [2, 4], [3, 4]]}, "table"),
+        ("profile", {"table": [[0, 4], [2, 4], [2.0001, 1], [4, 1]], "smooth": True}, "table"),
         ("leaf", {"length": 4.0, "neck": 1.0, "smooth": True}, "smooth"),
     ],
 )
