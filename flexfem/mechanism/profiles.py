@@ -521,10 +521,8 @@ class Tabulated(Profile):
             tightest = int(np.argmin(radius))
             if radius[tightest] < TIGHTEST * self.neck:
                 k = int(np.searchsorted(self._rows[0], places[tightest]))
-                found = f"that between rows {k} and {k + 1} has a radius of {radius[tightest]:.1g} mm"
-                raise BadDimension(
-                    "table", f"rows apart enough for a smooth curve: {found}; smooth = false draws lines"
-                )
+                found = f"between rows {k} and {k + 1} its radius is {radius[tightest]:.1g} mm"
+                raise BadDimension("table", f"rows apart enough for a smooth curve: {found}; lines need no radius")
 
     def with_neck(self, neck: float) -> Tabulated:
         return replace(self, table=tuple((x, height + neck - self.neck) for x, height in self.table))
