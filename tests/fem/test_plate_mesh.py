@@ -18,7 +18,7 @@ from flexfem.fem.plate_mesh import mesh_layout, plate_contours, symmetry_of
 from flexfem.fem.ports import plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import Segment, area, disc, polyline, reverse
-from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.plate import check_layout, end_lines, joint_polygon
 from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, Tabulated
 from flexfem.refused import BadInput, ComputationFailed
 
@@ -143,6 +143,22 @@ def test_rows_of_a_table_are_vertices_of_the_mesh(rows):
     assert area_of(mesh, 0, 1, 2) == pytest.approx(bodies + np.trapezoid(h, x), rel=OUTLINE)
     distance, _ = cKDTree(mesh.nodes).query(np.column_stack([10 + x, h / 2])[1:-1])
     assert distance.max() < ON_CURVE
+
+
+@pytest.mark.parametrize("rows", TABLES.values(), ids=TABLES)
+def test_drawn_polygons_have_the_rows_of_a_table(rows):
+    x, h = np.array(rows).T
+    drawn = joint_polygon(LEAF._replace(profile=Tabulated(rows)))
+    assert drawn.area == pytest.approx(np.trapezoid(h, x), rel=OUTLINE)
+
+
+def test_lines_at_the_end_of_a_table_leave_its_edge_at_a_row():
+    """Else a mesh edge would begin a little beside the corner. The row is 0.15 mm from the end, at half of 0.8 mm."""
+    hinge = LEAF._replace(profile=Tabulated(((0, 5.0), (0.15, 0.8), (9, 0.6), (10, 3.0))))
+    first, *_, last = end_lines(hinge, -1)
+    for line, corner in ((first, 10.15 - 0.4j), (last, 10.15 + 0.4j)):
+        assert abs((np.conj(line.end - line.start) * (corner - line.start)).imag) < ON_CURVE
+        assert min(abs(corner - line.start), abs(corner - line.end)) < 0.03 * line.length
 
 
 @pytest.mark.parametrize("rows", TABLES.values(), ids=TABLES)

@@ -108,6 +108,12 @@ def test_a_smooth_table_differs_from_straight_edges():
     assert 1 / C[2, 2] == pytest.approx(22775, abs=1)
 
 
+def test_another_neck_keeps_the_curve_of_a_table():
+    x = np.array([-3.7, -1.0, 2.2])
+    for table in (Tabulated(UNEVEN), Tabulated(UNEVEN, smooth=True)):
+        assert table.with_neck(0.8).height(x) == pytest.approx(table.height(x) + 0.3, rel=1e-12)
+
+
 def test_sharp_corners_of_a_table():
     """Each edge of the parabola 1 + x^2 / 20 turns by spacing / 20 at a row: by 1.4 and 5.7 degrees."""
     fine, coarse = (
