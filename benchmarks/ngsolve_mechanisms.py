@@ -27,7 +27,7 @@ from flexfem.arrays import Array
 from flexfem.mechanism.layout import Joint, Layout, Patch
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.plate import cut_box, joint_loop
-from flexfem.mechanism.profiles import Curve, Ellipse
+from flexfem.mechanism.profiles import Bezier, Curve
 from flexfem.results import ELEMENTS
 
 CURVED = 5  # order of the edges of elements
@@ -36,7 +36,7 @@ PER_ARC = 6  # triangles on the arc of a fillet or a notch, at least
 ON_LINE = 1e-6  # mm, between a point and a line that it lies on
 ROUND_OFF = 1e-7  # relative to the largest number, of numbers that a symmetry makes zero
 MEAN_WIDTH = 8.0  # mm, of a body that is no bar
-POINTS = np.sin(np.linspace(0, np.pi / 2, 129))  # on a quarter of an ellipse, dense at its ends
+ON_QUARTER = 129  # points of a spline in place of a quarter of an ellipse
 FAMILIES = (ring, legs, guide)
 Shape = Any
 
@@ -51,11 +51,10 @@ def edge(curve: Curve) -> Shape:
         if curve.centre is None:
             return occ.Segment(point(curve.start), point(curve.end))
         return occ.ArcOfCircle(point(curve.start), point(complex(curve.at(0.5))), point(curve.end))
-    if isinstance(curve, Ellipse):
-        turn = np.linspace(0, np.pi / 2, len(POINTS))
-        z = curve.centre + (curve.start - curve.centre) * np.cos(turn) + (curve.end - curve.centre) * np.sin(turn)
-    else:
-        z = np.array(curve.points)
+    if isinstance(curve, Bezier):
+        return occ.BezierCurve([point(one) for one in curve.points])
+    turn = np.linspace(0, np.pi / 2, ON_QUARTER)
+    z = curve.centre + (curve.start - curve.centre) * np.cos(turn) + (curve.end - curve.centre) * np.sin(turn)
     return occ.SplineInterpolation([point(one) for one in z])
 
 

@@ -116,6 +116,8 @@ def test_drift_stiffness_and_amplification_of_stout_notches_at_ground_are_within
     }  # fmt: skip
     for where, value in independent.items():
         assert abs(pose[where] - value) < band[where]
+    lengths = band * [1.0, 1.0, guide.layout.lever]  # the worst component, with rotations at the lever, bounds a case
+    np.testing.assert_allclose(lengths, lengths[:, [1, 2, 0]], rtol=CLOSED_FORM)
 
 
 def test_the_mean_over_a_body_leaves_out_the_corners_of_its_hinges(guide):
