@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
-from flexfem.refused import BadInput, text_of
+from flexfem.refused import BadInput, printed, text_of
 
 PACKAGE = Path(__file__).parent
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}  # its environment
@@ -70,7 +70,9 @@ def load_own() -> None:
 
 
 def _run(named: str) -> None:
-    expected, _, name = named.partition(":")
+    expected, colon, name = named.partition(":")
+    if not colon:
+        raise BadInput(f"{WITH} = {printed(named)}, expected no such variable, which flexfem --with FILE sets itself")
     path, content = Path(name), _bytes(Path(name))
     if hashlib.sha256(content).hexdigest() != expected:
         raise BadInput(f"{path}: changed since this command began, expected the same file in every process")

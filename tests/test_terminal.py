@@ -39,6 +39,7 @@ def run(*arguments, **streams):
             "2",
             "PYTHONOPTIMIZE or python -OO: the commands are made from docstrings, which it removes",
         ),
+        ("FLEXFEM_WITH", "x", "FLEXFEM_WITH = 'x', expected no such variable, which flexfem --with FILE sets itself"),
         ("SOURCE_DATE_EPOCH", "x", "SOURCE_DATE_EPOCH = 'x', expected seconds since 1970, or no such variable"),
     ],
 )
