@@ -225,7 +225,7 @@ def stiffness(
     if "force" in last:
         stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
         warnings += plates.over_yield(stage, found, stress, "under this load")
-        fields = None if mesh is None else _fields(stage, mesh, last["force"])
+        fields = None if mesh is None else _fields(stage, mesh, last)
     if isinstance(stage, Stage):
         poses = {
             f"end of the range at yield in {axis}": last["yield_range"] * unit for axis, unit in UNIT_POSES.items()
@@ -345,10 +345,10 @@ def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dic
     return found | {label: ModelAnswer(values | parts, widths)}
 
 
-def _fields(plate: Stage | Mechanism, mesh: Mesh, force: Array) -> MeshFields:
-    """Return displacement, mm, and stress, MPa, at all nodes under a load (3,) on the output; none in fixed bodies.
+def _fields(plate: Stage | Mechanism, mesh: Mesh, values: Values) -> MeshFields:
+    """Return displacement, mm, and stress, MPa, at all nodes by the values under a load; none in fixed bodies.
 
-    Those of a mechanism in three dimensions are on the coarsest mesh.
+    Those of a mechanism in three dimensions are on the coarsest mesh. Plane fields have the pose of the output.
     """
     size, ratio = mesh, plate.layout.out_of_plane
     if isinstance(plate, Mechanism) and mesh.layers:
@@ -358,6 +358,7 @@ def _fields(plate: Stage | Mechanism, mesh: Mesh, force: Array) -> MeshFields:
 
     def made() -> dict[str, Array]:
         whole = plates.solved(plate, *size).whole
+        force = np.linalg.solve(whole.compliance[:3, :3], np.ravel(values["pose"])[:3])
         part, field = whole.structure, np.tensordot(force, whole.nodal[:3], axes=1)
         moving, highest = np.unique(part.mesh.triangles), np.zeros(field.shape[:-1])
         stress = nodal_stress(part.mesh, part.plate, field, moving, part.layers)

@@ -120,7 +120,7 @@ def test_drawings_name_the_parts_and_show_the_displacement(nod, folder):
     found = api.stiffness(nod, models="elements", force=(1.9, 0.0, 0.0), resolution=4)
     mesh, moved = found.fields.mesh, found.fields.made()["displacement"]
     at = np.argmin(np.hypot(*(mesh.nodes - [1.1, 9.7]).T))
-    x, y, theta = found.at("pose", model="finite elements", point="output")
+    x, y, theta = found.at("pose", model="three dimensions", point="output")
     shift = theta * (mesh.nodes[at] - [1.1, 9.7])
     assert moved[at] == pytest.approx([x - shift[1], y + shift[0]], rel=2e-3, abs=2e-6)
     assert not moved[mesh.triangles[mesh.bodies == 0]].any()
