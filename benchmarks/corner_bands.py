@@ -146,7 +146,7 @@ def _answered(stage: Stage, resolution: int) -> tuple[Array, Array]:
     limit = Limit(600.0)
     found, mesh = solved_design(stage, resolution, limit, repeated=REPEATED), elements(stage, resolution, limit).mesh
     alpha = expansion_of(stage)
-    poses = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame).motions
+    poses = heat_response(mesh, plate_of(stage), alpha.plate, alpha.frame).motions
     found = found._replace(drives=element_ranges(stage, mesh), drift=rates_of(poses[None]))
     return values_of(found, COLUMNS, None)[0], poses
 

@@ -75,6 +75,7 @@ if TYPE_CHECKING:  # names that scripts may use, too; documented in their module
     from flexfem.questions.check import thickness_review as thickness_review
     from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.modes import dynamic_model as dynamic_model
+    from flexfem.results import Result as Result
     from flexfem.schemas import schema as schema
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
