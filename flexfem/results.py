@@ -41,8 +41,8 @@ MOST_DIGITS = 7  # significant digits of a printed number
 SMALLEST_PERCENTAGE = 1e-3  # smaller ones, with their bands, are shown as 0
 MOST_LISTED = 3  # values in the line with the main result
 SPACE = "\N{NO-BREAK SPACE}"
-ROUND_OFF = 1e-9  # relative to the scale of a value; smaller values are zero by symmetry and shown as 0
-UNEVEN = 1e-6  # the same of a value without a band: meshes of parts are not symmetric
+FLOOR = 1e-6  # of the scale of a value: smaller ones, zero on a symmetric mesh, are shown as 0 whatever their band
+ROUND_OFF = 1e-9  # the same of a band that is not shown
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
 SHEET = "plane stress"  # label of the plane problem that is compared with three dimensions
 AXES = {
@@ -82,8 +82,10 @@ class Quantity:
         last axis; a matrix for the last two axes; or a key of `BY_DIRECTION`.
     over : axes of the array; of a result for both plates, a stage has no point, and a mechanism no chain.
     gate : the change that `regression` accepts.
-    scale : reference size of a change: the value; the largest value along the last axis or of all; the largest
-        component of a pose or wrench, with rotations times the lever or moments divided by it; or the matrix diagonal.
+    scale : reference size of a change and of round-off: the value; the largest value along the last axis or of all;
+        the largest component of a pose or wrench, with rotations times the lever or moments divided by it; or the
+        matrix diagonal. Of all poses, rotations are multiplied by the lever, too.
+    beside : name of another quantity of the same shape whose size counts, too, such as the other end of a range.
     shown : whether tables include it; JSON always does.
     note : an explanation that is printed below the tables.
     only : the plates that have it, by default both; the others have no such key.
@@ -96,6 +98,7 @@ class Quantity:
     over: tuple[str, ...] = ()
     gate: Gate = EXACT
     scale: Scale = "value"
+    beside: str = ""
     shown: bool = True
     note: str = ""
     only: Literal["", "stage", "mechanism"] = ""
@@ -381,12 +384,18 @@ class Result:
 
     def _sizes(self, name: str) -> Array:
         """Return the reference sizes in internal units, in which a rotation times the lever is a length."""
+        one = self.quantities[name]
+        scale = one.scale
         values = np.abs(np.nan_to_num(self.internal.values[name], posinf=0.0, neginf=0.0))
-        scale = self.quantities[name].scale
+        if one.beside in self.values:
+            other = np.abs(np.nan_to_num(self.internal.values[one.beside], posinf=0.0, neginf=0.0))
+            values = np.maximum(values, other)
         if scale == "value":
             return values
         if scale == "all":
-            return np.full(values.shape, np.max(values, initial=0.0))
+            of_poses = one.prefixed and one.over[-1] == "direction"
+            lengths = np.where(np.arange(values.shape[-1]) == 2, self.about.lever, 1.0) if of_poses else 1.0
+            return np.asarray(np.max(values * lengths, initial=0.0) / lengths + 0.0 * values)
         if scale == "matrix":
             diagonal = np.sqrt(np.diagonal(values, axis1=-2, axis2=-1))
             return np.asarray(diagonal[..., :, None] * diagonal[..., None, :])
@@ -570,10 +579,9 @@ class Result:
         value = float(self.internal.values[quantity.name][at])
         band = float(self._part(self.internal.bands, quantity.name, {})[at])
         size = self._sizes(quantity.name)[at]
-        round_off = ROUND_OFF * size
-        if abs(value) <= (round_off if band > 0 else UNEVEN * size):
+        if abs(value) <= FLOOR * size:
             value, band = 0.0, np.nan
-        band = band if band > round_off else np.nan
+        band = band if band > ROUND_OFF * size else np.nan
         unit = quantity.unit_at(at)
         if quantity.prefixed:
             size = max(abs(value), float(np.nan_to_num(band)))  # of a number within its band, that of the band
@@ -599,17 +607,17 @@ class Result:
             return [""] * len(last)
         found, bands = [], np.nan_to_num(self.internal.bands.get(quantity.name, np.zeros_like(values)))
         for a, b in zip(self._shown(quantity, over, (*place[:-1], 0)), last, strict=True):
-            known = np.isfinite(values[a]) and abs(values[b]) > max(ROUND_OFF * sizes[b], bands[b])
+            known = np.isfinite(values[a]) and abs(values[b]) > max(FLOOR * sizes[b], bands[b])
             found.append(f"{100 * (values[a] / values[b] - 1):+.2f}" if known else "")
         return found
 
     def answer(self, plain: bool = True) -> str:
-        """Return the main result in one line, "" without one; the last model counts."""
+        """Return the main result in one line, "" without one; the last model, or total of shares, counts."""
         name, labels = self.main or ("", {})
         if name not in self.values:
             return ""
         one = self.quantities[name]
-        labels = {axis: self.axes[axis][-1] for axis in ("model", "theory") if axis in one.over} | dict(labels)
+        labels = {axis: self.axes[axis][-1] for axis in ("model", "theory", "share") if axis in one.over} | dict(labels)
         rest = [axis for axis in one.over if axis not in labels and axis != "commanded"]
         listed = "direction" if "direction" in rest else rest[-1] if rest else ""
         texts: dict[str, list[str]] = {}

@@ -16,10 +16,11 @@ from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.mechanism.bodies import stage_layout
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.mechanism import Mechanism, read_mechanism
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import clashes
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.mechanism.unfinished import read_drawable
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, read_data
 
@@ -35,12 +36,13 @@ class NewFiles(NamedTuple):
 
 
 class View(NamedTuple):
-    """Drawing of a stage or mechanism file: files written, and whether a window was opened."""
+    """Drawing of a stage or mechanism file: files written, whether a window was opened, and what is missing in it."""
 
     file: str
     name: str
     written: list[str]
     window: bool
+    missing: list[str]
     assumed: list[str]
     not_stated: list[str]
 
@@ -99,6 +101,8 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
 def view(file: Path, *, output: Path | None = None) -> View:
     """Draw a mechanism, or a stage with its dimensions, in a window if possible.
 
+    Of an unfinished mechanism file it draws what there is, and names what is missing.
+
     Parameters
     ----------
     file : path
@@ -110,8 +114,9 @@ def view(file: Path, *, output: Path | None = None) -> View:
     Raises
     ------
     BadInput
-        The file is invalid, the folder is not writable, or the stage or mechanism cannot be made. In the last case it
-        is drawn as far as possible, with the parts at fault in red, before the error is raised.
+        The file cannot be read, has no body that can be drawn, or is an invalid stage file; the folder is not writable;
+        or the parts of the stage or mechanism do not fit together. In the last case it is drawn, with the parts at
+        fault in red, before the error is raised.
     """
     from flexfem.plot.plate import drawing_figure, plot_plate
     from flexfem.plot.stage import mark_clashes, show_window
@@ -123,14 +128,17 @@ def view(file: Path, *, output: Path | None = None) -> View:
     if picture is not None:
         check_file(picture, source)
     of_mechanism = kind_of(read_toml(source).data) == Mechanism.kind
-    plate: Stage | Mechanism = read_mechanism(source) if of_mechanism else load_stage(source)
-    refused, layout, clashing = None, None, list[Any]()
+    plate, layout, missing = read_drawable(source) if of_mechanism else (load_stage(source), None, list[str]())
+    refused, clashing = None, list[Any]()
     try:
-        check_feasible(plate)
+        if plate.origin.path is not None:  # of an unfinished file only parts are read
+            check_feasible(plate)
     except BadInput as refusal:
-        refused, layout = refusal, plate.layout if isinstance(plate, Mechanism) else stage_layout(plate, refuse=False)
-        clashing = clashes(layout, refusal)
-    page, plot = partial(drawing_figure, plate, layout), partial(plot_plate, plate=plate, layout=layout)
+        if refusal.reason not in missing:
+            layout = stage_layout(plate, refuse=False) if isinstance(plate, Stage) else plate.layout
+            refused, clashing = refusal, clashes(layout, refusal)
+    page = partial(drawing_figure, plate, layout, missing=missing)
+    plot = partial(plot_plate, plate=plate, layout=layout)
     mark = partial(mark_clashes, refusal=refused, clashes=clashing)
     window, written = target is None and show_window(lambda ax: mark(plot(ax)), plate.name), list[Path]()
     if picture is not None:
@@ -143,7 +151,10 @@ def view(file: Path, *, output: Path | None = None) -> View:
         written = write_beside(place, figure)
     if refused is not None:
         raise BadInput(f"{refused}{f'; drawn in {written[0]}' if written else ''}")
-    return View(**of_stage(plate), written=list(map(str, written)), window=window)
+    about = of_stage(plate)
+    if missing:
+        about |= {"file": str(source)}
+    return View(**about, written=list(map(str, written)), window=window, missing=missing)
 
 
 class MeshReport(NamedTuple):

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from flexfem.questions.check import known_formulas
+from flexfem.questions.reach import MechanismReach
+from flexfem.questions.stiffness import MechanismSummary
 from flexfem.refused import BadInput
 from flexfem.results import About, Gate, Quantity, Result, number, record_parts
 
@@ -188,3 +190,24 @@ def test_a_quantity_of_both_plates_has_chains_for_a_stage_and_points_and_a_wider
 def test_a_range_is_printed_with_both_ends() -> None:
     record = known_formulas()["smith-chetwynd"]
     assert record.t_over_R == (0.2, 1.0) and ("t over R", "0.2 to 1") in record_parts(record)[0]
+
+
+def test_a_value_below_a_millionth_of_what_matters_is_zero_whatever_its_band():
+    """30 +- 230 prad beside 17 um: at a lever of 36 mm the rotation is 1 pm. 130 nrad, or 5 nm, is no round-off."""
+    ends = np.array([[[[0.0, 0, 0]], [[17e-3, 0.02e-6, 30e-12]]]] * 2)
+    band = np.array([[[[0.0, 0, 0]], [[1e-6, 0.4e-9, 230e-12]]]] * 2)
+    about = About("one", lever=36.0)
+    found = MechanismReach(about, {"ends": ends}, {"ends": band}, {"model": ("finite elements",)})
+    assert found.texts("ends", others="free", end="high", model="finite elements")[2] == "0"
+    turned = ends + np.array([0, 0, 130e-9])
+    found = MechanismReach(about, {"ends": turned}, {"ends": band}, {"model": ("finite elements",)})
+    assert found.texts("ends", others="free", end="high", model="finite elements")[2].startswith("130.03 ±")
+    far = MechanismReach(about._replace(lever=3.6e5), {"ends": ends}, {"ends": band}, {"model": ("finite elements",)})
+    assert far.texts("ends", others="free", end="high", model="finite elements")[2].startswith("30 ±")
+
+
+def test_the_end_of_a_range_is_compared_with_the_other_end():
+    """The lower end is round-off in x and theta; the upper one is 17 um along x."""
+    values = {"free_low": [0.0, 0.0, -30e-12], "free_high": [17e-3, 2e-9, 0.0]}
+    found = MechanismSummary(About("one", lever=36.0), values, {"free_low": [0.0, 0.0, 230e-12]})
+    assert found.texts("free_low") == ["0", "0", "0"] and found.texts("free_high")[1:] == ["0", "0"]

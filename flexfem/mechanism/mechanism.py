@@ -43,6 +43,7 @@ PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
 GROUND = "ground"  # carries actuators, also where no body has this name
 CUT = 1.02  # default height of a cut relative to the bodies or the profile
 CONTACT = 1 / 20  # default radius of a contact relative to the extent of its body
+ABSENT = -2  # number of a body that an unfinished file does not have; -1 is the ground outside
 MOST = 2000  # parts, copies included
 
 
@@ -151,7 +152,7 @@ class Mechanism(PlateFile):
         Raises BadInput, naming file, line and key, for parts that do not fit together.
         """
         with located(self):
-            return _layout(self)
+            return layout_of(self)
 
 
 def _texts(value: Any) -> Iterator[str]:
@@ -206,16 +207,25 @@ class PlacedPart(NamedTuple):
     move: Move = Move()
 
 
-def _layout(mechanism: Mechanism) -> Layout:
+def layout_of(mechanism: Mechanism, missing: list[str] | None = None) -> Layout:
+    """Return the layout of a mechanism. Raises BadInput for parts that do not fit together.
+
+    missing : for drawings of an unfinished file, a list to which the bodies are added that parts name and that are not
+        there, instead of a refusal. A hinge is then without this body, and other parts on it are left out.
+    """
     placed = _parts(mechanism)
     parts = {kind: [part for part in placed if part.kind == kind] for kind in PARTS}
     index = {part.name: k for k, part in enumerate(parts["body"])}
     bodies = tuple(map(_body, parts["body"]))
 
     def body_of(name: str, key: str) -> int:
-        if name not in index:
-            raise BadInput(f"{key} = {shown(name)}, expected the name of a body{nearest(name, index)}")
-        return index[name]
+        if name in index:
+            return index[name]
+        text = f"{key} = {shown(name)}, expected the name of a body{nearest(name, index)}"
+        if missing is None:
+            raise BadInput(text)
+        missing.append(text)
+        return ABSENT
 
     joints = list[Joint]()
     for part in parts["hinge"]:
@@ -225,15 +235,19 @@ def _layout(mechanism: Mechanism) -> Layout:
     points = list[tuple[str, Patch]]()
     for part in (PlacedPart("output", "point", output, (output.body,), "output", "output"), *parts["point"]):
         place, body = part.move(complex(*part.table.at)), body_of(part.bodies[0], f"{part.key}.body")
+        if body == ABSENT:
+            continue
         found = Patch(body, place, part.table.contact)
         points.append((part.name, _contact(found, bodies, f"{part.key}.at_mm") if part.table.contact else found))
-    if bodies[points[0][1].body].fixed:
+    if points and bodies[points[0][1].body].fixed:
         raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
     index.setdefault(GROUND, next((k for k, body in enumerate(bodies) if body.fixed), -1))
     actuators = list[LinearActuator]()
     for part in parts["actuator"]:
         places = [part.move(complex(*point)) for point in part.table.at]
         ends = [body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies)]
+        if ABSENT in ends:
+            continue
         patches = map(Patch, ends, places, [part.table.contact] * 2)
         near, far = (_contact(patch, bodies, f"{part.key}.at_mm[{side}]") for side, patch in enumerate(patches))
         direction, rating = (places[1] - places[0]) / abs(places[1] - places[0]), part.table.rating._asdict()
@@ -246,7 +260,7 @@ def _layout(mechanism: Mechanism) -> Layout:
         joints=tuple(joints),
         points=tuple(points),
         actuators=tuple(actuators),
-        payloads=() if load is None else (PayloadMass(points[0][1], load.mass, load.inertia),),
+        payloads=tuple(PayloadMass(at, load.mass, load.inertia) for name, at in points if load and name == "output"),
         **mechanism.plane_problem,
     )
 
@@ -329,7 +343,7 @@ def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
 
 def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> Joint:
     table: PlateHinge = part.table
-    if ends[0] == ends[1]:
+    if part.bodies[0] == part.bodies[1]:
         raise BadInput(f"{part.key}.between = {shown(list(part.bodies))}, expected two bodies")
     try:
         profile = profile_of(table.shape, table.dimensions)
@@ -338,7 +352,7 @@ def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> J
         value = getattr(table, error.key)
         value = math.degrees(value) if error.key == "angle" and value is not None else value
         raise BadInput(f"{key}{'' if value is None else f' = {shown(value)}'}, expected {error.expected}") from None
-    widest = max(profile.end_height, *(bodies[k].width or 0.0 for k in ends))
+    widest = max(profile.end_height, *(bodies[k].width or 0.0 for k in ends if k != ABSENT))
     cut = CUT * widest if table.cut is None else float(table.cut)
     if cut < profile.end_height:
         least = f"{profile.end_height:g}, the height of the profile at its ends"

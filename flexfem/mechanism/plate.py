@@ -401,19 +401,28 @@ def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
 
 def _check_grounded(layout: Layout) -> None:
     """Raise BadInput unless hinges connect every body to one that is fixed or clamped."""
+    for text in ungrounded(layout):
+        raise BadInput(text)
+
+
+def ungrounded(layout: Layout) -> list[str]:
+    """Return what is missing between bodies and the ground: a fixed body, or hinges that lead to one."""
     held = {index for index, body in enumerate(layout.bodies) if body.fixed or body.clamped}
     if not held:
-        raise BadInput("no body is fixed, expected fixed = true or clamped_edges in a body")
+        return ["no body is fixed, expected fixed = true or clamped_edges in a body"]
+    found = list[str]()
     for component in components(layout):
         if not component & held:
             body = layout.bodies[min(component)]
             what = "no fixed or clamped body" if len(component) > 1 else "no other body"
-            raise BadInput(f"{_key(body)}: hinges connect it to {what}, expected a connection to ground")
+            found.append(f"{_key(body)}: hinges connect it to {what}, expected a connection to ground")
+    return found
 
 
 def components(layout: Layout) -> list[set[int]]:
     """Return the sets of bodies that hinges connect."""
-    first, second = np.array([joint.bodies for joint in layout.joints], dtype=np.int64).reshape(-1, 2).T
+    joined = [joint.bodies for joint in layout.joints if min(joint.bodies) >= 0]
+    first, second = np.array(joined, dtype=np.int64).reshape(-1, 2).T
     links = sp.coo_array((np.ones(len(first)), (first, second)), shape=2 * (len(layout.bodies),))
     count, number = connected_components(links, directed=False)
     return [set(np.flatnonzero(number == k).tolist()) for k in range(count)]

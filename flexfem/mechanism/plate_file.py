@@ -241,12 +241,12 @@ def read_plate(model: type[Plate], path: PathLike) -> Plate:
 
     Raises BadInput as `validate`.
     """
-    plate = validate(model, path, lambda data: with_material_of_file(path, _converted(path, data)))
+    plate = validate(model, path, lambda data: with_material_of_file(path, in_millimetres(path, data)))
     plate.__dict__["origin"] = Origin(os.fspath(path))
     return plate
 
 
-def _converted(path: PathLike, data: dict[str, Any]) -> Any:
+def in_millimetres(path: PathLike, data: dict[str, Any]) -> Any:
     """Return the content of a file in mm. Raises BadInput for a key in mm in a file with `units = "in"`."""
     if data.get("units") != "in":
         return data

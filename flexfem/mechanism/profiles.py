@@ -241,6 +241,21 @@ class Profile:
         found[..., 1, 2] = found[..., 2, 1] = -moment
         return found / (youngs_modulus * thickness)
 
+    def opened_before(self, poissons_ratio: float) -> Array:
+        """Return the share (n, 3, 3) of an opening of the hinge that arises before each position of `quadrature`.
+
+        Under loads on its ends alone, the section there moves by the motion of the near end plus this share of the
+        motion of the far end relative to it, as twists at the centre: axial, transverse, rotation.
+        """
+        x, weights = self.quadrature
+        height = self.height(x)
+        axial, bending = weights / height, 12 * weights / height**3
+        parts = np.zeros((len(x), 3, 3))  # of the integrals of `compliance`
+        parts[:, 0, 0], parts[:, 2, 2] = axial, bending
+        parts[:, 1, 1] = x**2 * bending + SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
+        parts[:, 1, 2] = parts[:, 2, 1] = -x * bending
+        return np.asarray((np.cumsum(parts, axis=0) - parts / 2) @ np.linalg.inv(np.sum(parts, axis=0)))
+
     @cached_property
     def quadrature(self) -> tuple[Array, Array]:
         """Positions (n,) on the axis and weights (n,) of integrals over it."""

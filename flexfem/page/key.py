@@ -15,6 +15,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.page.section import moving_svg, parts
 from flexfem.plot.style import NAMES
+from flexfem.questions import bands as comparison
 from flexfem.questions.budget import budget
 from flexfem.questions.drive import DrivenElements, drive, driven_elements
 from flexfem.questions.modes import modes
@@ -77,6 +78,7 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
             gain, motion = at_rest.texts("amplification", **at), driven.texts("motion", point=output, **at)
             rows.append([f"amplification: output motion per opening of actuator {name}", *gain])
             rows.append([f"output motion by the full stroke of actuator {name}", *motion])
+            singles += errors_driven(at_rest, name, analytic) if meshed else []
             singles.append((f"input stiffness at actuator {name}", at_rest.texts("input_stiffness", **at)[0]))
             singles.append((f"highest stress at the full stroke of actuator {name}", driven.texts("stress", **at)[0]))
             if meshed:
@@ -103,20 +105,41 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
     The stage has no band of the force at yield: it is that of the stiffness and of the range, relative.
     """
     K, width = (np.diagonal(part, axis1=1, axis2=2) for part in (found.at("stiffness"), found.band("stiffness")))
-    bands = dict(found.internal.bands)
+    widths = dict(found.internal.bands)
     if "yield_force" in found.values:
         share = found.band("yield_range") / found.at("yield_range")
-        bands.setdefault("yield_force", found.at("yield_force") * (share + width / K))
-    found = type(found)(found.about, found.internal.values, bands, found.axes)
+        widths.setdefault("yield_force", found.at("yield_force") * (share + width / K))
+    found = type(found)(found.about, found.internal.values, widths, found.axes)
     held = [found.texts("stiffness", model=model, component=axis)[k] for k, axis in enumerate(DIRECTIONS)]
     rows = [["stiffness, other directions held", *held]]
     rows += [[title, *found.texts(name, model=model)] for name, title in AT_REST.items() if name in found.values]
-    for label, other in zip(found.axes["model"][:-1], K[:-1], strict=True):
-        ratio = 100 * other / K[-1]
-        errors = [f"{number(*pair)} %" for pair in zip(ratio - 100, ratio * (width / K)[-1], strict=True)]
-        named = analytic if label == ANALYTIC else label
-        rows.append([f"error of the stiffness, others held, by the analytic model ({named})", *errors])
+    free, band = found.internal.values["free"], found.band("free")
+    unused = comparison.held(found.internal.values["compliance"][-1], found.about.lever)
+    for label, other in zip(found.axes["model"][:-1], free[:-1], strict=True):
+        ratio = 100 * other / free[-1]
+        pairs = zip(unused, ratio - 100, ratio * (band / free)[-1], strict=True)
+        errors = ["held" if out else f"{number(*pair)} %" for out, *pair in pairs]
+        rows.append([f"error of the stiffness, others free, by {_model(label, analytic)}", *errors])
     return rows
+
+
+def errors_driven(found: Result, actuator: str, analytic: str) -> list[tuple[str, str]]:
+    """Return the errors of the amplification of an actuator by all models but the last, with their titles."""
+    place, lever = found.axes["actuator"].index(actuator), found.about.lever
+    *models, elements = found.internal.values["amplification"][place]
+    width = found.internal.bands["amplification"][place, -1]
+    rows = list[tuple[str, str]]()
+    for label, model in zip(found.axes["model"][:-1], models, strict=True):
+        error = float(comparison.amplification_errors(model, elements, lever))
+        band = float(comparison.amplification_bands(model, elements, width, lever))
+        title = f"error of the amplification of actuator {actuator} by {_model(label, analytic)}"
+        rows.append((title, f"{number(error, band)} %"))
+    return rows
+
+
+def _model(label: str, analytic: str) -> str:
+    """Name an analytic model by its label, or the only analytic one by a description."""
+    return f"the analytic model ({analytic if label == ANALYTIC else label})"
 
 
 def driven_field(elements: DrivenElements, direction: Direction) -> Array:

@@ -38,6 +38,7 @@ from flexfem.plot.plate import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures, write_of_result
 from flexfem.questions import plates
+from flexfem.questions.budget import budget
 from flexfem.questions.check import MechanismReport, StageReport, check
 from flexfem.questions.drive import drive
 from flexfem.questions.errors import Verification
@@ -62,7 +63,7 @@ ANALYTIC_MODEL = partial(stiffness, models="analytic")
 ANSWERED: dict[str, tuple[str, tuple[Question, ...], tuple[Question, ...]]] = {  # title, of a stage, of a mechanism
     "analytic": ("Analytic model", (ANALYTIC_MODEL,), (ANALYTIC_MODEL,)),
     "elements": ("Finite elements", (summary,), (stiffness,)),
-    "budget": ("Error budget", (SHARES,), (plates.verification, SHARES)),
+    "budget": ("Error budget", (SHARES,), (plates.verification, budget)),
     "stress": ("Stress", (), ()),  # of several displacements, in one figure
     "drive": ("Drive", (ENDS,), (drive, reach)),
     "large": ("Large displacements", (large,), (large,)),

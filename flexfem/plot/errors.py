@@ -67,14 +67,15 @@ def error_figure(result: Verification, displacement: bool = False) -> Figure:
 
 @style.in_house_style
 def mechanism_figure(result: MechanismErrors) -> Figure:
-    """Draw the errors of the analytic networks of a mechanism, a panel for every commanded direction."""
+    """Draw the errors of the analytic networks of a mechanism, a panel for every direction that is not held."""
     lines = [
-        "Finite-element displacement minus commanded displacement, under the force of the analytic network.",
+        "Motion of finite elements minus that of the analytic network, by the force or moment along the command alone.",
         f"100 %: commanded motion. Rotations are multiplied by {float(result.lever):.4g} {LENGTH}. ±: mesh band.",
     ]
     title = f"{result.about.name}: positioning errors"
-    figure, axes = panels((WIDTH, 7.2), title, lines, len(DIRECTIONS), assumptions=result.about)
-    for letter, ax, commanded in zip("abc", axes, DIRECTIONS, strict=True):
+    moved = [axis for axis in DIRECTIONS if np.isfinite(result.at("percent", commanded=axis)).any()]
+    figure, axes = panels((WIDTH, 1.2 + 2.0 * len(moved)), title, lines, len(moved), assumptions=result.about)
+    for letter, ax, commanded in zip("abc", axes, moved, strict=False):
         plot_mechanism_errors(ax, result, commanded)
         titled(ax, letter, f"command in {NAMES[commanded]}")
         ax.label_outer()

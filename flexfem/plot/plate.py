@@ -47,6 +47,7 @@ HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
 COARSE = 2e-4  # deviation of a drawn polygon, per extent
 CROSS = 0.07  # length of the axes at the output relative to the size
+MOST_MISSING = 4  # in the header of an unfinished drawing
 MANY = 40  # labels above which they are small
 WIDTH, LOWEST, HIGHEST = 8.27, 3.0, 9.0  # in, of a page and of the drawing on it
 SMALLEST, LABEL_AREA = 5.2, 1.5  # width of a small drawing, in, and its area for each label, in^2
@@ -74,7 +75,7 @@ def plot_plate(ax: Axes | None, plate: Stage | Mechanism, *, labels: bool = True
     spans = spans_of(stage, layout, shape) if stage else []
     visible = [contact.point for _, contact in layout.points] + [z.point for a in layout.actuators for z in a.contacts]
     visible += [end for span in spans for end in span.line]
-    visible.append(layout.points[0][1].point + CROSS * (1 + 1j) * extent(shape))
+    visible += [point.point + CROSS * (1 + 1j) * extent(shape) for _, point in layout.points[:1]]
     size = fit(ax, np.vstack([rim, *map(xy, visible if labels else ())]), 0.07)
     scale_bar(ax)
     label_axes(ax)
@@ -163,6 +164,8 @@ def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> 
         ax.add_patch(Circle(at, radius, facecolor="white", edgecolor=MASS, linewidth=1.2, zorder=5))
         for first in (0, 180):
             ax.add_patch(Wedge(at, radius, first, first + 90, facecolor=MASS, zorder=5.1))
+    if not layout.points:  # of an unfinished file
+        return
     for _, contact in layout.points[1:]:
         ax.plot(*xy(contact.point), "+", color=NOTE_COLOUR, markersize=9, markeredgewidth=1.5, zorder=6)
     output = layout.points[0][1].point
@@ -182,20 +185,23 @@ def _path(shape: Any) -> Path:
 
 
 @in_house_style
-def drawing_figure(plate: Stage | Mechanism, layout: Layout | None = None, small: bool = False) -> Figure:
+def drawing_figure(
+    plate: Stage | Mechanism, layout: Layout | None = None, small: bool = False, missing: Sequence[str] = ()
+) -> Figure:
     """Draw a page as `plot_plate`, and in its header data of the plate and the meaning of the marks.
 
     small : as small as the labels allow, so that they are legible on narrow screens.
+    missing : what an unfinished file lacks, which the header names instead of the data.
     """
     drawn = layout or plate.layout
     facts = [f"thickness {drawn.thickness:.6g} {LENGTH}", plate.material.name]
     marks = {
         "hatched: fixed": any(body.fixed for body in drawn.bodies),
         "heavy lines: clamped": any(body.clamped for body in drawn.bodies),
-        "orange: hinges": True,
+        "orange: hinges": bool(drawn.joints),
         "blue: actuators": bool(drawn.actuators),
         "disc: the hub, rigid in the models": isinstance(plate, Stage),
-        "X, Y: output": True,
+        "X, Y: output": bool(drawn.points),
     }
     key = "; ".join(text for text, there in marks.items() if there)
     if isinstance(plate, Stage):
@@ -212,7 +218,10 @@ def drawing_figure(plate: Stage | Mechanism, layout: Layout | None = None, small
         width = float(np.clip(np.sqrt(LABEL_AREA * parts * wide / high), SMALLEST, WIDTH))
     height = float(np.clip((width - 0.6) * (high + room) / (wide + room), LOWEST * width / WIDTH, HIGHEST)) + 0.5
     plot = partial(plot_plate, plate=plate, layout=layout)
-    lines = [f"{text[:1].upper()}{text[1:]}." for text in ("; ".join(facts), key)]
+    if missing:
+        more = f" and {len(missing) - MOST_MISSING} more" * (len(missing) > MOST_MISSING)
+        facts = [f"unfinished: {'; '.join(missing[:MOST_MISSING])}{more}"]
+    lines = [f"{text[:1].upper()}{text[1:]}." for text in ("; ".join(facts), key) if text]
     return page((width, height), f"{plate.name}: drawing", lines, plot, plate)
 
 

@@ -33,6 +33,7 @@ CORNER_ORDER = 1.4  # twice Williams' displacement exponent at a clamped corner:
 STRESS_ORDER = 3.0  # between 2, of strains in quadratic triangles, and 4, of the platform compliance
 SAFETY, CAUTIOUS = 1.25, 3.0  # safety factors of Roache: with the observed order, and with the theoretical one
 TRUSTED = (1.0, 6.0)  # an observed order outside does not indicate the asymptotic range
+HELD = 100.0  # times the least stiffness of an output: `new` writes mechanisms that move below 42 and guide above 154
 ROUND_OFF = 1e-8  # per cent, and relative to a value: smaller differences are due to floating-point arithmetic
 DEPENDENT = 1e-6  # of the largest energy: load combinations with less are linearly dependent up to round-off
 
@@ -49,6 +50,46 @@ def error_matrix(stiffness: Array, compliance: Array, lever: ArrayLike) -> Array
     scale = np.stack([np.ones_like(length), np.ones_like(length), length], axis=-1)
     error = compliance @ stiffness - np.eye(3)  # of (18)
     return np.asarray(100.0 * error * scale[..., :, None] / scale[..., None, :])
+
+
+def free_errors(model: Array, elements: Array, lever: float) -> Array:
+    """Return the errors (..., 3, 3), per cent of the command, of motions under single loads; column j: command j.
+
+    A load along the command alone moves the model by the command, and its output is free in the other directions. The
+    error is the motion of finite elements minus that of the model. Along the command it is also the error of the
+    stiffness of the model with the other directions free.
+
+    model, elements : (..., 3, 3), compliances of the output.   lever : mm.
+    """
+    scale = np.array([1.0, 1.0, lever])
+    diagonal = np.diagonal(model, axis1=-2, axis2=-1)[..., None, :]
+    return np.asarray(100.0 * (elements - model) / diagonal * scale[:, None] / scale)
+
+
+def amplification_errors(model: Array, elements: Array, lever: float) -> Array:
+    """Return the errors (...), per cent, of the output motions (..., 3) per opening of an actuator by a model.
+
+    They are relative to those of finite elements, along these; rotations are multiplied by the lever, mm.
+    """
+    weights = np.array([1.0, 1.0, lever**2])
+    along, whole = (np.sum(weights * each * elements, axis=-1) for each in (model, elements))
+    return np.asarray(100.0 * (along / whole - 1.0))
+
+
+def amplification_bands(model: Array, elements: Array, widths: Array, lever: float) -> Array:
+    """Return the bands (...) of `amplification_errors` from those of the motions of finite elements (..., 3)."""
+    weights = np.array([1.0, 1.0, lever**2])
+    relative = np.sum(weights * np.abs(elements) * widths, axis=-1) / np.sum(weights * elements**2, axis=-1)
+    return np.asarray((100.0 + amplification_errors(model, elements, lever)) * relative)
+
+
+def held(compliance: Array, lever: float) -> Array:
+    """Return the directions (3,) in which an output of a compliance (3, 3) is held: far stiffer than the softest one.
+
+    Rotations are multiplied by the lever, mm. There a share of a commanded motion says nothing about the use.
+    """
+    softness = np.diag(compliance) * np.array([1.0, 1.0, lever**2])
+    return np.asarray(HELD * softness < np.max(softness))
 
 
 def percentages(error: Array, commanded: ArrayLike, direction: Direction, lever: float) -> Array:

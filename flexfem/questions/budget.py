@@ -15,28 +15,28 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, correct
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.mesh import LAYERS, RESOLUTION
+from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, warnings
-from flexfem.questions.bands import SAFETY, command_errors, error_bands, error_matrix, levels, solve_solid
-from flexfem.questions.plates import ElasticParts
-from flexfem.questions.setup import (
-    PLATE_SOLID_RESOLUTION,
-    Mesh,
-    about,
-    answer,
-    lever_of,
-    on_meshes,
-    options,
-    require_hinges,
-    solved,
+from flexfem.questions.bands import (
+    SAFETY,
+    amplification_errors,
+    command_errors,
+    corner_bands,
+    error_matrix,
+    free_errors,
+    held,
+    levels,
+    solve_solid,
 )
-from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import FRESH, Gate, Progress, Quantity, Result
+from flexfem.questions.plates import ElasticParts
+from flexfem.questions.setup import about, answer, lever_of, on_meshes, options, require_hinges, solved
+from flexfem.refused import BadInput
+from flexfem.results import ELEMENTS, FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 AMPLITUDES = (0.05, 0.05, 1e-3)  # mm, mm, rad: assumed, as in cases/
@@ -50,8 +50,9 @@ SHARES = (
     "large displacement",
 )
 TOTAL = "total"
-MECHANISM_SHARES = ("rigid bodies", "hinge formulas", "joining of parts", "three dimensions", TOTAL)
 CHART, MEASURED, IN_ALL = "three-dimensional hinges", "three dimensions", "total in three dimensions"
+IN_PLANE = "total in the plane"
+MECHANISM_SHARES = ("rigid bodies", "hinge formulas", "joining of parts", IN_PLANE, MEASURED, IN_ALL)
 POINTS = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # percentage points of a command
 
 
@@ -81,16 +82,24 @@ class Budget(Result):
 
 
 class MechanismBudget(Budget, mechanism=True):
-    """Shares of the error of the network with rigid bodies, which add up to the total."""
+    """Shares of the errors of the network with rigid bodies, which add up to the totals."""
 
+    main = ("share", {})
     labels: ClassVar = {"share": MECHANISM_SHARES}
     figure = ""
     reading = (
-        "shares are % of the commanded motion, under the force of the network with rigid bodies",
+        "shares are % of the commanded motion, by the single force or moment by which the network with rigid bodies "
+        "moves the output as commanded, with the other directions free",
+        plates.ALONG_READ,
         "rigid bodies: change by elastic bodies, from plane finite elements of each body",
         "hinge formulas: change from beam integrals to plane finite elements of each hinge",
         "joining of parts: change from parts with rigid end sections to plane finite elements of the whole mechanism",
+        "three dimensions: change from plane finite elements to those of every other question without `--plane`",
     )
+    driven = Quantity(
+        "share of the error of the amplification", "percent", ("share", "actuator"), plates.POINTS,
+        note=plates.AMPLIFICATION_READ,
+    )  # fmt: skip
 
 
 @options(not_for="amplitude")
@@ -115,7 +124,7 @@ def budget(
     steps, lever = levels(arguments.resolution(resolution, 4)), lever_of(stage)
     if isinstance(stage, Mechanism):
         require_hinges(stage, "which the analytic model needs whose error is split", plates.BY_ELEMENTS)
-        return _of_mechanism(stage, steps, plane, progress)
+        return _of_mechanism(stage, resolution, progress)
     commands = np.asarray(arguments.poses("amplitude", amplitude, 1)).ravel()
     if not np.all((commands > 0) & (commands <= LARGEST_AMPLITUDE)):
         raise BadInput(f"amplitude {amplitude}, expected three numbers above 0 up to 10 mm, 10 mm and 1 rad")
@@ -152,31 +161,47 @@ def budget(
     return Budget(about(stage), values, bands, settings=settings, warnings=texts)
 
 
-def _of_mechanism(mechanism: Mechanism, steps: tuple[int, int, int], plane: bool, progress: Progress | None) -> Budget:
-    """Return the shares of the error of the network with rigid bodies of a mechanism."""
-    layout, lever, parts = mechanism.layout, lever_of(mechanism), plates.parts_of(mechanism, steps[-1])
-    rigid, *changed = (
-        respond(layout, one.bodies, hinges=one.hinges).compliance[:3, :3]
+def _of_mechanism(mechanism: Mechanism, resolution: int, progress: Progress | None) -> Budget:
+    """Return the shares of the errors of the network with rigid bodies of a mechanism, in its dimensions."""
+    mesh = plates.mesh_of(mechanism, "both", resolution, None)
+    assert mesh is not None
+    layout, finest = mechanism.layout, plates.compared(mechanism, mesh, progress)
+    parts = plates.parts_of(mechanism, mesh.resolution)
+    ladder = [
+        respond(layout, one.bodies, hinges=one.hinges).compliance
         for one in (ElasticParts(), ElasticParts(parts.bodies), parts)
-    )
-    K, C = np.asarray(np.linalg.inv(rigid)), plates.compliances(mechanism, steps, progress)
-    errors, bands = (np.diag(part) for part in error_bands(K, C, steps, lever))
-    shares, widths = np.full((2, len(MECHANISM_SHARES), 3), np.nan)
-    reached = [np.zeros(3), *(np.diag(error_matrix(K, one, lever)) for one in changed), errors]
-    shares[:3], shares[-1], widths[2], widths[-1] = np.diff(reached, axis=0), errors, bands, bands
-    texts = list[str]()
-    if not plane:
-        coarse, (_, few, many) = levels(PLATE_SOLID_RESOLUTION)[0], levels(LAYERS)
-        try:
-            by_layers = [plates.solved(mechanism, coarse, n).compliance[:3, :3] for n in (0, few, many)]
-        except ComputationFailed as failure:
-            texts.append(f"the total is that of the plane, because three dimensions cannot be computed: {failure}")
-        else:
-            flat, less, solid = (np.diag(error_matrix(K, compliance, lever)) for compliance in by_layers)
-            shares[3], widths[3] = solid - flat, SAFETY * np.abs(solid - less)
-            shares[-1], widths[-1] = shares[-1] + shares[3], bands + widths[3]
-    found = {"share": shares}, {"share": widths}
-    return answer(Budget, mechanism, {}, Mesh(steps[-1], 0), {}, found[0], {}, found[1], warnings=texts)
+    ]
+    steps = levels(mesh.resolution)
+    planes = np.array([plates.solved(mechanism, level).compliance for level in steps])
+    rigid, lever = ladder[0][:3, :3], layout.lever
+    of_driven = plates.amplification(layout, finest.compliance)
+    unused = held(finest.compliance[:3, :3], lever)
+
+    def along(compliance: Array) -> Array:
+        """Return the errors (..., 3) of the rigid network from another compliance (..., k, k), along each command."""
+        errors = free_errors(rigid, compliance[..., :3, :3], lever)
+        return np.where(unused, np.nan, np.diagonal(errors, axis1=-2, axis2=-1))
+
+    def driven(compliance: Array) -> Array:
+        """Return the same (..., a), up to a constant, of the amplification."""
+        return -amplification_errors(plates.amplification(layout, compliance), of_driven, lever)
+
+    values, bands = dict[str, Array](), dict[str, Array]()
+    totals = {"share": np.diagonal(finest.percent_band(rigid, lever)), "driven": finest.driven_band(ladder[0], layout)}
+    for name, error in {"share": along, "driven": driven}.items():
+        if name == "share" or layout.actuators:
+            sequence = [error(one) for one in (*ladder, planes[-1])]
+            of_planes = corner_bands(np.array(steps, dtype=float), error(planes))
+            shares = [*np.diff(sequence, axis=0), sequence[-1] - sequence[0]]
+            widths = [*np.full((2, len(of_planes)), np.nan), of_planes, of_planes]
+            if finest.label != ELEMENTS:
+                total = error(finest.compliance) - sequence[0]
+                shares += [total - shares[-1], total]
+                widths += [np.maximum(totals[name] - of_planes, 0.0), totals[name]]
+            values[name], bands[name] = np.array(shares), np.array(widths)
+    labels = {"share": MECHANISM_SHARES[: len(values["share"])]}
+    notes = plates.held_notes(finest.compliance[:3, :3], lever)
+    return answer(Budget, mechanism, {}, mesh, {}, values, labels, bands, notes=notes)
 
 
 def _nonlinear_errors(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:

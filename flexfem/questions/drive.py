@@ -40,7 +40,7 @@ from flexfem.questions.driven import (
 from flexfem.questions.plates import ON_MESHES, PEAK
 from flexfem.questions.setup import DEFAULT, Analytic, MeshFields, about, for_mechanisms, mesh_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, UNEVEN, Gate, Quantity, Result
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FLOOR, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; more than a thousand times the range of piezo drives
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
@@ -293,8 +293,8 @@ def _of_mechanism(mechanism: Mechanism, mesh: setup.Mesh | None, models: setup.M
             "transmission": output,
             "used": 100 * np.diag(opening),
             "coupling": 100 * np.where(np.abs(coupled) < ROUND_OFF, 0.0, coupled),
-            "cross": 100 * np.where(np.abs(cross) < UNEVEN, 0.0, cross),
-            "rotation": np.where(np.abs(rotation) * layout.lever < UNEVEN, 0.0, rotation),
+            "cross": 100 * np.where(np.abs(cross) < FLOOR, 0.0, cross),
+            "rotation": np.where(np.abs(rotation) * layout.lever < FLOOR, 0.0, rotation),
             "force": np.diag(found.Y) * strokes,
             "stress": response.stress((found.Y * strokes).T @ np.eye(len(C))[drives]),
             "engaged": found.stiffness,

@@ -124,8 +124,9 @@ class MechanismModes(NaturalModes, mechanism=True):
         "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
         "possible",
         "more modes out of the plane than the first are computed with `--layers`; a payload is a flat body at "
-        "mid-plane; the hinges of the analytic models have no mass: modes in which leaf springs vibrate are missing, "
-        "and the numbers of higher modes differ from those of finite elements",
+        "mid-plane",
+        "the mass of a hinge in the analytic models moves as in its static deflection between its two bodies: modes in "
+        "which leaf springs vibrate are missing, and the numbers of higher modes differ from those of finite elements",
     )
     share = Quantity(
         "motion of the output by finite elements", "percents", ("mode", "direction"), MOTION, "all", uneven=MOTION

@@ -7,7 +7,7 @@ bodies, the network of elastic parts, and finite elements.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from itertools import compress
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,7 +17,7 @@ from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
 from flexfem.fem.elements import Layers
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.mesh import RESOLUTION, StageMesh, welded
+from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, hinge_stress, plate_model
@@ -29,7 +29,18 @@ from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import SAFETY, coarser, corner_bands, error_bands, levels, solve_solid
+from flexfem.questions.bands import (
+    HELD,
+    SAFETY,
+    amplification_bands,
+    amplification_errors,
+    coarser,
+    corner_bands,
+    free_errors,
+    held,
+    levels,
+    solve_solid,
+)
 from flexfem.questions.setup import ELASTIC, Mesh, ModelAnswer, Models, answer, on_meshes, require_hinges, sectors_of
 from flexfem.questions.setup import mesh_of as plain_mesh_of
 from flexfem.questions.setup import solved as solved_stage
@@ -51,6 +62,14 @@ WHOLE_LAYERS = 3
 WHOLE_RESOLUTION = 4
 ON_MESHES, PEAK = COARSER._replace(band=MAGNITUDE), STRESS._replace(band=MAGNITUDE)
 POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
+ALONG_READ = (
+    "along the command this is the error of the stiffness of the model with the other directions free: the same number "
+    "in `stiffness`, `summary`, `verify`, `budget` and the report"
+)
+AMPLIFICATION_READ = (
+    "motion of the free output per opening of one actuator, of the model relative to finite elements, along the motion "
+    "of these"
+)
 
 
 class Responses(NamedTuple):
@@ -386,32 +405,95 @@ def over_yield(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stres
 
 
 class MechanismErrors(Result):
-    """Error of the finite-element displacement under the force that the analytic network predicts for a command."""
+    """Errors of the analytic networks of a mechanism: of motions by single forces, and of those by actuators."""
 
-    title = "errors of the finite-element displacement"
+    title = "errors of the analytic models"
     main = ("percent", {})
     figure = "errors.mechanism_figure"
     labels: ClassVar = {"commanded": DIRECTIONS}
-    reading = ("rotations are multiplied by the lever of the output",)
+    reading = (
+        "positioning error: motion of finite elements minus that of the model, by the force or moment that moves the "
+        "model as commanded, with the other directions free; rotations are multiplied by the lever",
+        ALONG_READ,
+    )
     percent = Quantity(
         "positioning error, % of the commanded motion", "percents", ("model", "commanded", "direction"), POINTS
     )
-    stiffness = Quantity("stiffness", "stiffness", ("model", "direction"), ON_MESHES, shown=False)
+    driven = Quantity("error of the amplification", "percent", ("model", "actuator"), POINTS, note=AMPLIFICATION_READ)
+    free = Quantity("stiffness, other directions free", "stiffness", ("model", "direction"), ON_MESHES, shown=False)
     lever = Quantity("lever of the output: distance to its farthest hinge", "mm")
 
 
-def compliances(mechanism: Mechanism, steps: Sequence[int], progress: Progress | None = None) -> Array:
-    """Return the compliances (levels, 3, 3) of the output by plane finite elements."""
-    return np.array([one.compliance[:3, :3] for one in on_meshes(steps, partial(solved, mechanism), progress)])
+def amplification(layout: Layout, compliance: Array) -> Array:
+    """Return the motion (..., a, 3) of the free output per opening of one actuator, from compliances (..., k, k)."""
+    drives = layout.drive_ports
+    opening = np.diagonal(compliance, axis1=-2, axis2=-1)[..., None, drives]
+    return np.asarray(np.swapaxes(compliance[..., :3, drives] / opening, -1, -2))
+
+
+def held_notes(compliance: Array, lever: float) -> list[str]:
+    """Return a note on the directions in which the output of a compliance (3, 3) is held; none without such ones."""
+    names = ", ".join(compress(DIRECTIONS, held(compliance, lever)))
+    return [
+        f"no error in {names}: there the mechanism is more than {HELD:g} times as stiff as in its softest direction "
+        "(rotations times the lever), and a share of a commanded motion says nothing about its use"
+    ] * bool(names)
+
+
+class Compared(NamedTuple):
+    """Finite elements with which analytic models are compared: of the plane, or of three dimensions, by `label`.
+
+    compliance : (k, k), of the ports.   motions : (a, 3), of the output per opening.   bands : of both.
+    """
+
+    label: str
+    compliance: Array
+    motions: Array
+    bands: Mapping[str, Array]
+
+    def percent_band(self, model: Array, lever: float) -> Array:
+        """Return the bands (3, 3) of `free_errors` of a model with a compliance (3, 3)."""
+        return free_errors(model, model + self.bands["compliance"][:3, :3], lever)
+
+    def driven_band(self, model: Array, layout: Layout) -> Array:
+        """Return the bands (a,) of `amplification_errors` of a model with a compliance (k, k)."""
+        motions = amplification(layout, model)
+        return amplification_bands(motions, self.motions, self.bands["amplification"], layout.lever)
+
+
+def compared(mechanism: Mechanism, mesh: Mesh, progress: Progress | None = None) -> Compared:
+    """Solve the finite elements of a mechanism with which its analytic models are compared, as in every question."""
+
+    def values(response: Responses) -> Values:
+        return {
+            "compliance": response.compliance,
+            "amplification": amplification(mechanism.layout, response.compliance),
+        }
+
+    label, (found, bands) = list(of_models(mechanism, mesh, "elements", values, progress).items())[-1]
+    return Compared(label, found["compliance"], found["amplification"], bands)
 
 
 def verification(mechanism: Mechanism) -> MechanismErrors:
-    """Return the errors of both analytic networks of a mechanism. Raises BadInput for one without hinges."""
+    """Return the errors of both analytic networks of a mechanism, in its dimensions.
+
+    Raises BadInput for a mechanism without hinges.
+    """
     require_hinges(mechanism, "which the analytic models need that are compared with finite elements", BY_ELEMENTS)
-    steps, lever, models = levels(RESOLUTION), mechanism.layout.lever, dict[str, ModelAnswer]()
-    C = compliances(mechanism, steps)
+    mesh = mesh_of(mechanism, "both", None, None)
+    assert mesh is not None
+    layout, models, finest = mechanism.layout, dict[str, ModelAnswer](), compared(mechanism, mesh)
+    lever, elements_at = layout.lever, finest.compliance[:3, :3]
+    unused = held(elements_at, lever)
     for label in (ANALYTIC, ELASTIC):
-        K = np.asarray(np.linalg.inv(network(mechanism, label == ELASTIC).compliance[:3, :3]))
-        values, bands = error_bands(K, C, steps, lever)
-        models[label] = ModelAnswer({"percent": values.T, "stiffness": np.diag(K)}, {"percent": bands.T})
-    return answer(MechanismErrors, mechanism, models, Mesh(RESOLUTION, 0), {}, {"lever": lever})
+        model = network(mechanism, label == ELASTIC).compliance
+        errors = free_errors(model[:3, :3], elements_at, lever).T
+        errors[unused] = np.nan
+        values = {"percent": errors, "free": 1 / np.diag(model)[:3]}
+        bands = {"percent": finest.percent_band(model[:3, :3], lever).T}
+        if layout.actuators:
+            values["driven"] = amplification_errors(amplification(layout, model), finest.motions, lever)
+            bands["driven"] = finest.driven_band(model, layout)
+        models[label] = ModelAnswer(values, bands)
+    settings, notes = {"compared with": finest.label}, held_notes(elements_at, lever)
+    return answer(MechanismErrors, mechanism, models, mesh, settings, {"lever": lever}, notes=notes)

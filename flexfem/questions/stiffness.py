@@ -118,10 +118,10 @@ class Summary(Result):
     yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, STRESS)
     stress = Quantity("hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all")
     thickness = Quantity("change of stiffness in 3D", "percent", ("direction",), only="stage")
-    held_low = Quantity("drive min, others held", "motion", ("direction",), SOLVED)
-    held_high = Quantity("drive max, others held", "motion", ("direction",), SOLVED)
-    free_low = Quantity("drive min, others free", "motion", ("direction",), SOLVED)
-    free_high = Quantity("drive max, others free", "motion", ("direction",), SOLVED)
+    held_low = Quantity("drive min, others held", "motion", ("direction",), SOLVED, "pose", beside="held_high")
+    held_high = Quantity("drive max, others held", "motion", ("direction",), SOLVED, "pose", beside="held_low")
+    free_low = Quantity("drive min, others free", "motion", ("direction",), SOLVED, "pose", beside="free_high")
+    free_high = Quantity("drive max, others free", "motion", ("direction",), SOLVED, "pose", beside="free_low")
     amplification = Quantity(
         "output motion per actuator opening", ("", "", "rad_per_mm"), BY_DIRECTION, COARSER, "all", only="mechanism"
     )
@@ -292,8 +292,8 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
         reach = plate.material.yield_strength / np.max(stress.reshape(-1, 3), axis=0)
         values |= {"stress": stress, "yield_range": reach, "yield_force": np.diag(values["stiffness"]) * reach}
     if isinstance(plate, Mechanism) and (drives := plate.layout.drive_ports):
-        opening = np.diag(C)[drives]
-        values |= {"input_stiffness": 1 / opening, "amplification": (C[:3, drives] / opening).T}
+        motions = plates.amplification(plate.layout, C)
+        values |= {"input_stiffness": 1 / np.diag(C)[drives], "amplification": motions}
     return values
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from flexfem.analytic.finite import displaced
 from flexfem.analytic.network import with_springs
-from flexfem.analytic.plates import body_moments, modes, respond, warmed, weighed
+from flexfem.analytic.plates import body_moments, hinge_inertia, modes, respond, warmed, weighed
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
 from flexfem.mechanism.outlines import polyline
 from flexfem.mechanism.profiles import Circular, Leaf
@@ -20,6 +20,7 @@ SPAN, T = 40.0, 0.8
 EI, EA = E * B * T**3 / 12, E * B * T
 SHEAR = 1.2 * SPAN * 2 * (1 + NU) / EA  # transverse compliance of the leaf by shear
 LEAF = Leaf(T, SPAN)
+SLENDER = 2e-3  # of a mass: shear of a leaf 300 times as long as thick, and the rule of integration
 
 
 def box(name, low, high, **more):
@@ -65,17 +66,38 @@ def test_parallelogram_and_its_frequency():
     assert found[2, 2] == pytest.approx(2 * (EA / SPAN * 20**2 + EI / SPAN), rel=DENSE)
     drive = LinearActuator("drive", (Patch(0, -20 + 20j), Patch(1, 5 + 20j)), 1 + 0j, 3.0, 0.02, 0.06, 4e-6)
     driven = parallelogram(actuators=(drive,), payloads=(PayloadMass(Patch(1, 10 + 46j), 5e-5, 0.0),))
-    mass = RHO * B * (50 * 12 + 2 * SPAN * T / 2) + 5e-5 + 2e-6
+    mass = RHO * B * (50 * 12 + 2 * SPAN * T * 13 / 35) + 5e-5 + 2e-6
     C, at_rest = respond(driven).compliance, modes(driven)
     slow = (at_rest[0], modes(driven, engaged=True)[0])
     assert C[3, :3] == pytest.approx(C[0, :3], rel=DENSE)
     assert slow == pytest.approx((np.sqrt(K / mass), np.sqrt((K + 3) / mass)), rel=1e-3)  # it turns a little
     assert len(at_rest) == 3
     assert with_springs(C, np.array([3.0]))[0, 0] == pytest.approx(1 / (K + 3), rel=DENSE)
+    mass += RHO * B * 2 * SPAN * T * (1 / 2 - 13 / 35)  # of the weight half of a leaf is carried at either end
     weight = weighed(driven, [(9810.0, 0.0)])[0][:, 0]
     assert weight[0] == pytest.approx(9810 * mass / K, rel=DENSE)
     above = RHO * B * (50 * 12 * 26 + 2 * SPAN * T / 2 * 10) + 5e-5 * 26  # the output
     assert weight[2] == pytest.approx(-9810 * above / found[2, 2], rel=DENSE)
+
+
+def test_the_mass_of_a_leaf_is_that_of_a_beam_element_of_hermite():
+    """`m / 420 [156, 54, 22 L, 4 L^2]` across, `m / 3` and `m / 6` along; a rigid motion has the whole mass."""
+    length, depth = 60.0, 0.2
+    plate = parallelogram()
+    leaf = Joint("leaf", (0, 1), 30 + 0j, 0.0, Leaf(depth, length, 0.0), 0.0)  # from the origin along x
+    M, m = hinge_inertia(plate, leaf), RHO * B * length * depth
+    near, far = np.eye(6)[1], np.eye(6)[4]  # the end at the origin, and the far one, shifted across
+    turned = np.array([0.0, 0, 0, 0, -length, 1])  # the far end about its own place
+    assert near @ M @ near == pytest.approx(m * 156 / 420, rel=SLENDER)
+    assert near @ M @ far == pytest.approx(m * 54 / 420, rel=SLENDER)
+    assert far @ M @ turned == pytest.approx(-m * 22 * length / 420, rel=SLENDER)
+    assert turned @ M @ turned == pytest.approx(m * 4 * length**2 / 420, rel=SLENDER)
+    assert M[0, 0] == pytest.approx(m / 3, rel=SLENDER) and M[0, 3] == pytest.approx(m / 6, rel=SLENDER)
+    both = np.tile(np.eye(3), 2)
+    rigid = both @ M @ both.T
+    polar = m * (length**2 / 3 + depth**2 / 12)  # about the near end
+    expected = np.array([[m, 0, 0], [0, m, m * 30], [0, m * 30, polar]])
+    np.testing.assert_allclose(rigid, expected, rtol=DENSE, atol=DENSE * polar)
 
 
 def test_cross_spring_pivot():

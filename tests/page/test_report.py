@@ -336,13 +336,22 @@ def test_key_results_are_those_of_finite_elements_with_errors_of_the_analytic_mo
     reach, force = np.full((2, 3), 0.5), np.einsum("mii->mi", stiff) * 0.5
     values = {"stiffness": stiff, "free": force, "yield_range": reach, "yield_force": force,
               "stress": np.ones((2, 3, 3, 3))}  # fmt: skip
-    bands = {"stiffness": width, "yield_range": np.stack([np.full(3, np.nan), np.full(3, 0.005)])}
-    found = Stiffness(About("one"), values, bands, {"model": (ANALYTIC, ELEMENTS)})
+    free = np.array([[44.0, 60.0, 9e4], [40.0, 50.0, 1e5]])
+    values |= {"free": free, "compliance": np.array([np.diag(1 / each) for each in free])}
+    bands = {
+        "stiffness": width,
+        "free": np.array([[np.nan] * 3, [0.1, 0.2, 100.0]]),
+        "yield_range": np.stack([np.full(3, np.nan), np.full(3, 0.005)]),
+    }
+    found = Stiffness(About("one", lever=50.0), values, bands, {"model": (ANALYTIC, ELEMENTS)})
     rows = {title: cells for title, *cells in rows_at_rest(found, ELEMENTS, "beams")}
     assert rows["stiffness, other directions held"][:2] == ["40.00 ± 0.10 N/mm", "50.00 ± 0.20 N/mm"]
     assert rows["force at yield"][0] == "20.00 ± 0.25 N" and rows["range at yield, ±"][1] == "500.0 ± 5.0 µm"
-    errors = rows["error of the stiffness, others held, by the analytic model (beams)"]
+    errors = rows["error of the stiffness, others free, by the analytic model (beams)"]
     assert errors[0] == "10.00 ± 0.28 %" and errors[2].startswith("-10.00")
+    values["compliance"] = values["compliance"] * np.diag([1.0, 1.0, 1 / 101])  # as stiff as 4040 N/mm at the lever
+    turned = Stiffness(About("one", lever=50.0), values, bands, {"model": (ANALYTIC, ELEMENTS)})
+    assert [cells[3] for cells in rows_at_rest(turned, ELEMENTS, "beams") if cells[0].startswith("error")] == ["held"]
 
 
 def test_a_page_without_finite_elements_opens_with_the_analytic_model(written):

@@ -101,7 +101,7 @@ def mesh_study(assumed: tuple[str, ...] = ()) -> MeshConvergence:
 
 def guide_errors() -> MechanismErrors:
     """Errors of two models of a mechanism: from -4.5 % in steps of 1 %."""
-    values = {"percent": np.arange(18.0).reshape(2, 3, 3) - 4.5, "stiffness": np.ones((2, 3)), "lever": 36.0}
+    values = {"percent": np.arange(18.0).reshape(2, 3, 3) - 4.5, "free": np.ones((2, 3)), "lever": 36.0}
     bands = {"percent": np.full((2, 3, 3), 0.25)}
     return MechanismErrors(About("a guide"), values, bands, {"model": ("analytic", "elastic bodies")})
 

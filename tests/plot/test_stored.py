@@ -12,6 +12,7 @@ import pytest
 from flexfem.design.result import read_design
 from flexfem.plot.errors import mechanism_figure
 from flexfem.questions.errors import Verification
+from flexfem.questions.plates import MechanismErrors
 from flexfem.refused import BadInput
 from flexfem.results import write_sealed
 
@@ -92,6 +93,15 @@ def test_plot_draws_what_verify_stored_of_a_mechanism(flexfem, tmp_path):
     for row, ax in enumerate(mechanism_figure(found).axes):
         bars = [[bar.get_width() for bar in bars] for bars in ax.containers if hasattr(bars, "patches")]
         np.testing.assert_allclose(bars, np.arange(18.0).reshape(2, 3, 3)[:, row] - 4.5)
+
+
+def test_a_direction_that_a_mechanism_holds_has_no_panel():
+    found = guide_errors()
+    percent = found.internal.values["percent"].copy()
+    percent[:, [0, 2]] = np.nan
+    held = MechanismErrors(found.about, found.internal.values | {"percent": percent}, found.internal.bands, found.axes)
+    (ax,) = mechanism_figure(held).axes
+    assert ax.get_title(loc="left").endswith("command in Y") or "command in Y" in ax.get_title()
 
 
 def test_fields_of_another_run_or_edited_are_refused(stored, tmp_path, flexfem):

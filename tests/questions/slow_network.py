@@ -11,12 +11,13 @@ import math
 
 import numpy as np
 import shapely
-from scipy.integrate import quad
+from scipy.integrate import cumulative_trapezoid, quad, trapezoid
 from scipy.linalg import eigh
 
 INCH = 25.4
 E, NU, THICKNESS, DENSITY = 72.7e3, 0.34, 0.4 * INCH, 2810e-12
 E_STRAIN, SHEAR = E / (1 - NU**2), E / (2 * (1 + NU))
+FINE = 4001  # sections of a hinge
 UNIAXIAL = math.sqrt(1 - NU + NU**2)  # von Mises stress of a stress along a surface, with NU times it across
 BODIES = ["leg", "stage", "lever", "leg 2", "leg 3"]
 
@@ -56,6 +57,7 @@ class Hinge:
     """A hinge from one body to another: centre and axis, complex, mm, and its profile."""
 
     def __init__(self, modulus, name, near, far, centre, axis, radius, neck, length=None):
+        self.modulus = modulus
         self.name, self.near, self.far, self.axis = name, near, far, axis / abs(axis)
         self.centre, self.radius, self.neck = INCH * centre, INCH * radius, INCH * neck
         self.is_notch = length is None
@@ -73,11 +75,36 @@ class Hinge:
         stretched = np.array([axial, bending, rotation])  # per Young's modulus of the plane problem
         self.compliance = stretched / modulus + np.array([0.0, 1.2 * axial / SHEAR, 0.0])
 
-    def motion(self, bodies):
-        """Rows (3, unknowns): motion of the far end relative to the near one, at the centre, in the axes."""
+    def ends(self, bodies):
+        """Rows (3, unknowns) of the near and of the far end: motion at the centre, in the axes."""
         c, s = self.axis.real, self.axis.imag
         axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        return axes @ (at(self.far, self.centre, bodies) - at(self.near, self.centre, bodies))
+        return [axes @ at(body, self.centre, bodies) for body in (self.near, self.far)]
+
+    def motion(self, bodies):
+        """Rows (3, unknowns): motion of the far end relative to the near one, at the centre, in the axes."""
+        near, far = self.ends(bodies)
+        return far - near
+
+    def mass(self):
+        """Mass matrix (6, 6) of motions of the near and the far end, as a beam of sections that bends without inertia.
+
+        By integration along the axis: u' = N / EA, theta' = (M - V x) / EI, v' = theta + 1.2 V / GA.
+        """
+        x = np.linspace(-self.length / 2, self.length / 2, FINE)
+        h = np.array([self.height(each) for each in x])
+        sections = []
+        for column in np.eye(6):
+            near, far = column[:3], column[3:]
+            N, V, M = (far - near) / self.compliance
+            bent = cumulative_trapezoid((M - V * x) * 12 / (self.modulus * THICKNESS * h**3), x, initial=0.0)
+            slid = cumulative_trapezoid(bent + 1.2 * V / (SHEAR * THICKNESS * h), x, initial=0.0)
+            along = cumulative_trapezoid(N / (self.modulus * THICKNESS * h), x, initial=0.0)
+            sections.append([near[0] + along, near[1] + near[2] * x + slid, near[2] + bent])
+        u, v, theta = np.moveaxis(sections, 1, 0)
+        squares = np.einsum("ix,jx->ijx", u, u) + np.einsum("ix,jx->ijx", v, v)
+        turns = np.einsum("ix,jx->ijx", theta, theta)
+        return DENSITY * THICKNESS * trapezoid(squares * h + turns * h**3 / 12, x, axis=-1)
 
     def stress(self, wrench):
         """Largest von Mises stress, MPa, by stress concentrations at sections that are close together."""
@@ -232,16 +259,20 @@ class SlowNetwork:
         """Displacements of the unknowns with both actuators in place, at free strokes."""
         return self.under(self.openings.T @ (self.SPRINGS * strokes), self.SPRINGS)
 
-    def mass(self):
+    def mass(self, halved=False):
+        """Mass matrix of the unknowns; with `halved`, each half of a hinge moves with its body."""
         M, drawn = np.zeros((self.unknowns, self.unknowns)), bodies_drawn()
         for k, body in enumerate(BODIES):
             total = moments(drawn[body])
-            for hinge in self.hinges:
+            for hinge in self.hinges if halved else ():
                 for end, name in ((-1, hinge.near), (1, hinge.far)):
                     if name == body:
                         total = total + hinge.half(end)
             area, x, y, polar = total * DENSITY * THICKNESS
             M[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = [[area, 0, -y], [0, area, x], [-y, x, polar]]
+        for hinge in () if halved else self.hinges:
+            ends = np.vstack(hinge.ends(BODIES))
+            M += ends.T @ hinge.mass() @ ends
         M += self.output.T @ np.diag([220e-6, 220e-6, 60e-3]) @ self.output
         ends = (("lever", 1.07 - 0.12j, 3e-6), ("lever", 0.84 + 0.52j, 4.5e-6), ("leg 2", 0.29 + 0.7j, 4.5e-6))
         for body, point, tonne in ends:
@@ -268,4 +299,4 @@ class SlowNetwork:
         return self.ports[:9] @ self.under(forces) + expansion * np.array(free)
 
     def weighed(self, acceleration):
-        return self.under(self.mass() @ np.tile([*acceleration, 0.0], len(BODIES)))
+        return self.under(self.mass(halved=True) @ np.tile([*acceleration, 0.0], len(BODIES)))
