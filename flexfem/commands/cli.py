@@ -64,7 +64,12 @@ MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in gr
 MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
 ON_DASK = "Solve finite elements on a Dask cluster: host:port of its scheduler, or its scheduler file."
 PYTHON_ONLY = ("executor", "law", "progress")  # parameters without an option
-TYPES: dict[str, Any] = {"stage": Path, "files": list[Path], "sections": list[str]}  # of parameters, for typer
+TYPES: dict[str, Any] = {  # of parameters, for typer
+    "stage": Path,
+    "files": list[Path],
+    "sections": list[str],
+    "force_at": list[str],
+}
 MEASURED = {  # units of plain numbers of options, by direction for a vector
     **dict.fromkeys(("force", "load"), FORCES),
     **dict.fromkeys(("displacement", "pose", "amplitude", "mean"), POSES),
@@ -272,7 +277,8 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
         elif parameter.kind is parameter.VAR_POSITIONAL:
             positional = given[parameter.name]
         elif parameter.name not in PYTHON_ONLY:
-            arguments[parameter.name] = given[parameter.name]
+            value = given[parameter.name]
+            arguments[parameter.name] = parameter.default if value == [] else value
             stated = given[parameter.name] not in (None, parameter.default)
             if stated and MEASURED.get(parameter.name) is POSES and "stage" in arguments:
                 _check_size(parameter.name, given[parameter.name], arguments["stage"])

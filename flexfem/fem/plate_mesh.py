@@ -62,6 +62,8 @@ CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an el
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
 AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
 RAYS = 0.1  # distance between rays from a side of a body, per mean width
+ON_ARCS = 4.0  # triangles per full turn of holes and fillets of bodies, times the resolution: their stress follows it
+MOST_ARCS = 200  # of a plate; with more of them, such as a sieve, the mesh follows the outline alone
 MOST_RAYS = 64  # from a side, or around one of its rays
 FACING = 0.7  # cosine of the angle between two sides that face each other
 DECIMALS = 9  # of coordinates, mm, of parts that are equal
@@ -128,8 +130,12 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         COARSEST * (body.width or mean_width(body)) / fine * (OF_GROUND if body.fixed else 1.0)
         for body in layout.bodies
     ]
+    arcs = sum(
+        edge.centre is not None for body in layout.bodies for loop in (body.outline, *body.holes) for edge in loop
+    )
+    fine_arcs = max(PER_TURN, ON_ARCS * fine) if arcs <= MOST_ARCS else PER_TURN
     for number, (body, coarse) in enumerate(zip(layout.bodies, largest, strict=True)):
-        for point, size, radius in _refinements(body, coarse):
+        for point, size, radius in _refinements(body, coarse, PER_TURN if body.fixed else fine_arcs):
             gradings.setdefault((size, radius), []).append(point)
         lines += [Line("clamped", body.outline[k], number) for k in body.clamped if not body.fixed]
     for patch in dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts):
@@ -277,13 +283,13 @@ def _between(layout: Layout, index: int, about: complex, turns: int) -> complex:
     return cmath.exp(1j * float((at + gaps / 2)[np.argmax(gaps)]))
 
 
-def _refinements(body: Body, coarse: float) -> Iterator[tuple[complex, float, float]]:
+def _refinements(body: Body, coarse: float, per_turn: float) -> Iterator[tuple[complex, float, float]]:
     """Yield points, the triangle sizes at them and radii, mm: of arcs, and of sharp inner corners of elastic bodies."""
     for loop in (body.outline, *body.holes):
         for before, after in zip((loop[-1], *loop[:-1]), loop, strict=True):
             if after.centre is not None:
                 radius = abs(after.start - after.centre)
-                yield after.centre, radius * 2 * math.pi / PER_TURN, radius
+                yield after.centre, radius * 2 * math.pi / per_turn, radius
             turn = cmath.phase(complex(after.tangent(0.0)) / complex(before.tangent(1.0)))
             if turn < -SHARP and not body.fixed:
                 yield after.start, coarse / CORNER, 0.0

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array, Index
+from flexfem.fem.body_stress import body_nodes
 from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, von_mises
 from flexfem.fem.fields import highest_stress
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
@@ -210,7 +211,8 @@ def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -
     """
     moving = ~_is_fixed(layout, mesh)
     part = mesh._replace(triangles=mesh.triangles[moving], bodies=mesh.bodies[moving])
-    whole = structure(part, plate_of_layout(layout, layers), layers, held=held_nodes(layout, mesh))
+    held = held_nodes(layout, mesh)
+    whole = structure(part, plate_of_layout(layout, layers), layers, held=held)
     lifting = whole.line.fixed
     output = layout.points[0][1]
     plane = contact_forces(layout, mesh, output, True) if lifting else forces_on_ports(layout, mesh)
@@ -220,6 +222,7 @@ def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -
         (full_space(whole),),
         whole.loads(forces),
         regions=_hinge_nodes(layout, part),
+        bodies=body_nodes(layout, part, held),
         ratio=layout.out_of_plane,
         layout=layout,
         mesh=mesh,

@@ -43,6 +43,7 @@ class Factorised:
     ports : (size, k), unit loads on the unknowns: of the three directions of the hub, of stacks, or of contacts.
     sectors : of a stage that is given by them; one represents three.
     regions : nodes of each region whose stress is needed.   ratio : of stresses in the plane, see `von_mises`.
+    bodies : nodes of each moving body whose stress is needed.
     """
 
     structure: Structure
@@ -51,6 +52,7 @@ class Factorised:
     sectors: tuple[Sector, ...] = ()
     regions: tuple[Index, ...] = ()
     ratio: float = 0.0
+    bodies: tuple[Index, ...] = ()
 
     @property
     def cyclic(self) -> bool:
@@ -122,7 +124,9 @@ class Factorised:
             if not worst <= BALANCE:
                 raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
         motions = self.ports.T @ motion
-        return Response(structure, motions, nodal, reactions, energy, self.sectors, self.regions, self.ratio)
+        return Response(
+            structure, motions, nodal, reactions, energy, self.sectors, self.regions, self.ratio, self.bodies
+        )
 
     def weighed(self, mass: Mass, accelerations: Array) -> Response:
         """Solve for the weight in c fields, (c, j), mm/s^2, along the first j components of the pose."""
@@ -168,7 +172,7 @@ class Response:
     nodal : (c, n, ...), displacements, mm, of the nodes of `structure`, which may be a sector in the frame of chain 1;
         less the free expansion.
     pads : (c, pads, 3), force and moment of the ground on each pad of the whole, about the origin, N and N mm.
-    energy : (c, c), N mm, `u_i' K u_j` of the whole.   sectors, regions, ratio : as of `Factorised`.
+    energy : (c, c), N mm, `u_i' K u_j` of the whole.   sectors, regions, ratio, bodies : as of `Factorised`.
     """
 
     structure: Structure
@@ -179,6 +183,7 @@ class Response:
     sectors: tuple[Sector, ...] = ()
     regions: tuple[Index, ...] = ()
     ratio: float = 0.0
+    bodies: tuple[Index, ...] = ()
 
     @property
     def compliance(self) -> Array:
@@ -238,11 +243,19 @@ class Response:
     @cached_property
     def stresses(self) -> list[Array]:
         """Stress (c, p, 2, 2), MPa, of the cases at the nodes of every region; with layers (c, p, m, 3, 3)."""
-        if not self.regions:
+        return self._stresses_at(self.regions)
+
+    @cached_property
+    def body_stresses(self) -> list[Array]:
+        """The same at the nodes of every moving body."""
+        return self._stresses_at(self.bodies)
+
+    def _stresses_at(self, regions: tuple[Index, ...]) -> list[Array]:
+        if not regions:
             return []
-        of, used = self.structure, np.unique(np.concatenate(self.regions))
+        of, used = self.structure, np.unique(np.concatenate(regions))
         stress = nodal_stress(of.mesh, of.plate, self.nodal, used, of.layers)
-        return [stress[:, np.searchsorted(used, nodes)] for nodes in self.regions]
+        return [stress[:, np.searchsorted(used, nodes)] for nodes in regions]
 
 
 def factorised_whole(structure: Structure, ports: Array | None = None, **others: Any) -> Factorised:

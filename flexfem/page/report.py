@@ -71,7 +71,7 @@ ANSWERED: dict[str, tuple[str, tuple[Question, ...], tuple[Question, ...]]] = { 
     "drift": ("Drift by temperature", (drift,), (drift,)),
     "life": ("Fatigue life", (life,), ()),
 }
-OF_HINGES = ("analytic", "budget", "stress", "life")  # sections that a plate without hinges does not have
+OF_HINGES = ("analytic", "budget", "life")  # sections that a plate without hinges does not have
 SECTIONS, STANDARD = tuple(ANSWERED), tuple(ANSWERED)[:5]
 DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None]] = {  # with the function of the figure
     "design": ("Design", design_figure),
@@ -388,11 +388,16 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
         found, unit = stiffness(subject, models="elements", displacement=held), COMMANDS[axis]
         name = f"{SYMBOLS[axis]} = {held[axis] * unit.factor:g} {unit}"
         drawn[name] = plane_fields(found.fields)
-        stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=found.axes["model"][-1]))
-    labels = [f"{h} hinge, {chain}" for chain in AXES["chain"] for h in AXES["hinge"]] if stage else found.axes["hinge"]
+        model = found.axes["model"][-1]
+        stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=model))
+        if "body_stress" in found.values:
+            stresses[name] = np.concatenate([stresses[name], found.at("body_stress", model=model)])
+    labels = [f"{h} hinge, {chain}" for chain in AXES["chain"] for h in AXES["hinge"]]
+    if not stage:
+        labels = [*found.axes["hinge"], *(f"body {name}" for name in found.axes.get("body", ()))]
     rows = [[label, *map(significant, row)] for label, *row in zip(labels, *stresses.values(), strict=True)]
-    head = ["hinge", *(f"{name} ({STRESS})" for name in drawn)]
-    data = table(TextTable(head, rows, 1, "Highest von Mises stress at each hinge"))
+    head = ["part", *(f"{name} ({STRESS})" for name in drawn)]
+    data = table(TextTable(head, rows, 1, "Highest von Mises stress of each hinge and body"))
     highest = "; ".join(
         f"{name}: {significant(float(stress.max()))} {STRESS} at most, "
         f"{percent(100 * float(stress.max()) / subject.material.yield_strength)} of the yield strength"

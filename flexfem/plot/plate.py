@@ -257,10 +257,11 @@ def load_figure(found: Result) -> Figure:
     force = np.where(np.abs(force) > ROUND_OFF * found.sizes("force")[-1], force, 0.0)
     load = zip(NAMES.values(), force.tolist(), ("N", "N", "N mm"), strict=True)
     parts = ", ".join(f"{name} {significant(value)} {unit}" for name, value, unit in load)
-    worst = "no hinges"
-    if stress.size:
-        name = found.axes["hinge"][int(stress.argmax())]
-        worst = f"up to {significant(float(np.max(stress)))} {STRESS} at hinge {name}"
+    parts_loaded = [f"hinge {name}" for name in found.axes["hinge"]]
+    if "body_stress" in found.values:
+        parts_loaded += [f"body {name}" for name in found.axes["body"]]
+        stress = np.concatenate([stress, found.at("body_stress", model=model)])
+    worst = f"up to {significant(float(np.max(stress)))} {STRESS} at {parts_loaded[int(stress.argmax())]}"
     fields, lines = plane_fields(found.fields), [f"Load on the output {parts}: {worst}. Displacements"]
     title = f"{found.about.name}: stress under a load"
     return displaced(title, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]

@@ -7,6 +7,7 @@ bodies, the network of elastic parts, and finite elements.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import compress
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
@@ -15,12 +16,20 @@ from numpy.typing import ArrayLike
 
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
+from flexfem.fem.body_stress import (
+    BodyStress,
+    body_stress,
+    corners_of_bodies,
+    left_out_within,
+    moving_bodies,
+    point_stress,
+)
 from flexfem.fem.elements import Layers
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.fem.ports import PlateModel, hinge_stress, plate_model
+from flexfem.fem.ports import PlateModel, held_nodes, hinge_stress, plate_model
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import layers_of as layers_of_plate
 from flexfem.fem.thickness import FEW_LAYERS, MANY_LAYERS, ThickHinge, thick_hinges
@@ -49,12 +58,15 @@ from flexfem.units import DIRECTIONS
 
 PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
+MOST_CORNERS = 6  # of a body that a warning lists
 BY_ELEMENTS = "stiffness or converge, by finite elements alone"
 PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
-PEAKS = ("stress", "hinge_stress", "yield_range", "yield_force")
+PEAKS = ("stress", "hinge_stress", "yield_range", "yield_force", "body_stress", "body_rate", "point_stress")
+PLACES = ("body_x", "body_y", "yield_x", "yield_y")  # of highest stresses, which change from mesh to mesh
 # Possible errors of `Thickness`, measured on whole plates in three dimensions (`benchmarks/thickness.py`)
 OF_CONTRACTION = 0.25  # of the difference between ends of hinges that keep their thickness and that contract freely
 OF_PLANE_STRAIN = 0.15  # of the change of bodies from plane stress to plane strain
+OF_CONSTRAINT = 0.3  # of the change of the von Mises stress of a free edge from plane stress to plane strain
 OF_THE_RATIO = 0.2  # of the change of the stress in hinges
 ORDER_OF_LAYERS = 2  # least order of convergence with the number of layers
 SLENDER_BODIES = 0.4  # share of bodies in a compliance above which the whole plate is solved in three dimensions
@@ -77,10 +89,14 @@ class Responses(NamedTuple):
 
     compliance : (k, c), displacements conjugate to the ports.
     stress : function of loads (..., c), multiples of the cases, returns the highest stress (..., hinges), MPa.
+    bodies : the same of the moving bodies, with its places; None of a model that has no stress of bodies.
+    points : the same at the points (..., points); None of such a model.
     """
 
     compliance: Array
     stress: Callable[[Array], Array]
+    bodies: Callable[[Array], BodyStress] | None = None
+    points: Callable[[Array], Array] | None = None
 
 
 class ElasticParts(NamedTuple):
@@ -147,12 +163,14 @@ class Thickened(NamedTuple):
     """The plane parts of a mechanism, and the same with hinges in three dimensions.
 
     hinges : of the layout, in its order.   share : of the change of their stress that is taken.
+    of_bodies : ratio of the highest stress of bodies to that in plane stress.
     """
 
     plane: ElasticParts
     solid: ElasticParts
     hinges: tuple[ThickHinge, ...]
     share: float = 1.0
+    of_bodies: float = 1.0
 
     def change(self, of_parts: Callable[[ElasticParts], Array]) -> Array:
         """Change of a value of the network of parts from plane stress to three dimensions."""
@@ -192,6 +210,7 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
         best._replace(solid=plane._replace(hinges=plane.hinges + change + remaining)),
         best._replace(solid=best.solid._replace(bodies=stiffer)),
         best._replace(share=1 - OF_THE_RATIO),
+        best._replace(of_bodies=1 - OF_CONSTRAINT * (1 - np.sqrt(1 - nu + nu**2))),
     )
 
 
@@ -270,7 +289,17 @@ def elements(plate: Stage | Mechanism, resolution: int, layers: int = 0, thick: 
     def stress(loads: Array) -> Array:
         return plane.stress(loads) * thick.stress_ratios(np.einsum("hck,...k->...hc", wrenches, loads))
 
-    return Responses(plane.compliance + thick.change(of_parts), stress)
+    def bodies(loads: Array) -> BodyStress:
+        assert plane.bodies is not None
+        found = plane.bodies(loads)
+        return found._replace(highest=found.highest * thick.of_bodies)
+
+    def points(loads: Array) -> Array:
+        assert plane.points is not None
+        return plane.points(loads) * thick.of_bodies
+
+    compliance = plane.compliance + thick.change(of_parts)
+    return Responses(compliance, stress, plane.bodies and bodies, plane.points and points)
 
 
 def responses(plate: Stage | Mechanism, response: Response) -> Responses:
@@ -281,7 +310,10 @@ def responses(plate: Stage | Mechanism, response: Response) -> Responses:
             return hinge_stress(response, loads)
         return neck_stresses(plate, response, loads.reshape(-1, 3)).highest.reshape(*loads.shape[:-1], 3, 3)
 
-    return Responses(response.compliance, stress)
+    if not response.bodies:
+        return Responses(response.compliance, stress)
+    bodies = partial(body_stress, response)
+    return Responses(response.compliance, stress, bodies, partial(point_stress, response, plate.layout))
 
 
 Values: TypeAlias = dict[str, Any]  # of one model by quantity
@@ -304,7 +336,8 @@ def value_bands(sizes: Array, each: list[Values], ends: Sequence[Values] = ()) -
     Highest stresses on three meshes can agree by chance. Their bands have a least value, which falls with the square of
     the resolution. `benchmarks/mechanism_bands.py` counts how many bands contain the values of a finer mesh.
     """
-    found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
+    kept = [name for name in each[0] if name not in PLACES]
+    found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in kept}
     if ends:
         *variants, best = ends
         for name, band in found.items():
@@ -345,7 +378,10 @@ def by_elements(
         found[ELEMENTS] = ModelAnswer(each[-1], bands(sizes, each, ()))
     if mesh.layers:
         planes, (few, many) = coarser(solve, *mesh, progress)
-        joined = None if whole else {name: planes[-1][name] + many[name] - planes[0][name] for name in many}
+        joined = None
+        if not whole:
+            joined = {name: planes[-1][name] + many[name] - planes[0][name] for name in many}
+            joined |= {name: planes[-1][name] for name in PLACES if name in joined}
         found[SOLID] = ModelAnswer(joined or solve(*mesh), bands(sizes, planes, (few, many)))
     return found
 
@@ -396,10 +432,36 @@ def of_models(
     )
 
 
+def left_out_corners(layout: Layout, mesh: StageMesh) -> list[str]:
+    """Warn of sharp corners of bodies near which no stress is stated, with the rule; corners of hinges apart."""
+    moving = np.isin(mesh.bodies, [index for index, body in enumerate(layout.bodies) if body.fixed], invert=True)
+    part = mesh._replace(triangles=mesh.triangles[moving], bodies=mesh.bodies[moving])
+    of_hinges = part.triangles[part.bodies >= len(layout.bodies)]
+    texts = list[str]()
+    corners = corners_of_bodies(layout, part, held_nodes(layout, mesh))
+    for index, sharp in zip(moving_bodies(layout), corners, strict=True):
+        places = sorted(mesh.nodes[np.setdiff1d(sharp, of_hinges)].round(4).tolist())
+        if places:
+            body = layout.bodies[index]
+            named = ", ".join(f"({x:g}, {y:g})" for x, y in places[:MOST_CORNERS])
+            more = f" and {len(places) - MOST_CORNERS} more" * (len(places) > MOST_CORNERS)
+            texts.append(f"{body.name} within {left_out_within(body):.3g} mm of {named}{more}")
+    return [
+        "the stress of bodies is singular at corners that are sharp in the drawing and at ends of clamped edges: it is "
+        f"not stated within a quarter of the mean width of the body from there ({'; '.join(texts)})"
+    ] * bool(texts)
+
+
 def over_yield(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str) -> list[str]:
-    """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the load."""
+    """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the load.
+
+    Stresses of bodies under the load count, too.
+    """
     highest = max(
-        float(np.max(model.values[stress], initial=0.0)) for model in found.values() if stress in model.values
+        float(np.max(model.values[name], initial=0.0))
+        for model in found.values()
+        for name in (stress, "body_stress")
+        if name in model.values
     )
     return warning.of_yield(highest, plate.material.yield_strength, where)
 

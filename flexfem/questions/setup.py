@@ -347,6 +347,7 @@ def answer(
         layout = subject.layout
         labels = {
             "hinge": [joint.name for joint in layout.joints],
+            "body": [body.name for body in layout.bodies if not body.fixed],
             "point": [name for name, _ in layout.points],
             "actuator": [actuator.name for actuator in layout.actuators],
             **labels,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import compress
 from typing import Any, ClassVar, TypeAlias
@@ -13,10 +13,12 @@ from flexfem import arguments
 from flexfem.analytic.finite import buckling_factors
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array, free_stiffness, is_largest
+from flexfem.fem.body_stress import moving_bodies
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.stage_mesh import sheet_of
+from flexfem.files.refusals import nearest
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -29,10 +31,11 @@ from flexfem.questions.plates import Responses, Values
 from flexfem.questions.reach import of_mechanism, reach
 from flexfem.questions.setup import DEFAULT, ELASTIC, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, COARSER, FRESH, SHEET, SOLVED, STRESS, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, PLANES, without_unit
+from flexfem.results import ANALYTIC, COARSER, FRESH, SHEET, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.units import DIRECTIONS, FORCES, PLANES, in_unit, without_unit
 
-HINGES_ALONE = "highest stress and range at yield are those of hinges; describe slender parts as hinges"
+HINGES_ALONE = "the analytic model does not hold there, and its stress and range at yield are those of hinges alone"
+NEARLY_EQUAL = Gate(1.0, absolute=1e4)  # of the place of a highest stress: another one may have nearly the same
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
 MATRIX, NECKS, BY_DIRECTION = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
 HINGE = ("chain", "hinge")
@@ -61,7 +64,7 @@ class Stiffness(Result):
         STRESS, "all",
     )  # fmt: skip
     yield_range = Quantity(
-        "displacement at which the first hinge yields, other directions held, linear", "motion", ("model", "direction"),
+        "displacement at first yield, other directions held, linear", "motion", ("model", "direction"),
         STRESS, note="by linear theory, without stretching of hinges and buckling",
     )  # fmt: skip
     yield_force = Quantity("force along the displacement at yield, linear", "wrench", ("model", "direction"), STRESS)
@@ -83,6 +86,26 @@ class Stiffness(Result):
     energy = Quantity("strain energy", "n_mm", ("model",), COARSER)
     neck_stress = Quantity("neck stress under the load", "mpa", NECKS, STRESS, "all", only="stage")
     hinge_stress = Quantity("hinge stress under the load", "mpa", NECKS, STRESS, "all", only="mechanism")
+    body_stress = Quantity(
+        "highest stress of bodies under the load", "mpa", ("body", "model"), STRESS, "all", only="mechanism"
+    )
+    body_x = Quantity("at x", "mm", ("body", "model"), NEARLY_EQUAL, only="mechanism")
+    body_y = Quantity("at y", "mm", ("body", "model"), NEARLY_EQUAL, only="mechanism")
+    body_rate = Quantity(
+        "highest stress of bodies per displacement, other directions held", "stress per motion",
+        ("body", "model", "direction"), STRESS, "all", only="mechanism",
+        note="it is not stated within three radii of the contact of the output or of an actuator",
+    )  # fmt: skip
+    yield_x = Quantity(
+        "place of the first yield, x", "mm", ("model", "direction"), NEARLY_EQUAL, shown=False, only="mechanism"
+    )
+    yield_y = Quantity(
+        "place of the first yield, y", "mm", ("model", "direction"), NEARLY_EQUAL, shown=False, only="mechanism"
+    )
+    point_load = Quantity("loads at points", "wrench", ("point", "direction"), only="mechanism")
+    point_stress = Quantity(
+        "von Mises stress at points under the load", "mpa", ("point", "model"), STRESS, "all", only="mechanism"
+    )
     neck_height = Quantity("distance of the highest stress from the mid-plane", "mm", NECKS, shown=False, only="stage")
     band_plane = Quantity(
         "band of the compliance by the mesh in the plane", "compliance matrix", MATRIX, shown=False, only="stage"
@@ -108,8 +131,8 @@ class Summary(Result):
     title = "summary"
     main = ("free", {})
     reading = (
-        "range at yield: displacement at which the first hinge yields, others held; force at yield: force along it; "
-        "both by linear theory, without stretching of hinges and buckling",
+        "range at yield: displacement at the first yield, in a hinge or a body, others held; force at yield: force "
+        "along it; both by linear theory, without stretching of hinges and buckling",
         "others: the other two directions, held at zero or free",
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
@@ -138,7 +161,7 @@ class MechanismSummary(Summary, mechanism=True):
     """The same of a mechanism, with its input."""
 
 
-@setup.options(not_for="analytic", only_for="plane")
+@setup.options(not_for="analytic", only_for="plane force_at")
 def stiffness(
     stage: Stage | Mechanism,
     *,
@@ -146,6 +169,7 @@ def stiffness(
     analytic: Analytic = DEFAULT,
     force: tuple[float, float, float] | None = None,
     displacement: tuple[float, float, float] | None = None,
+    force_at: Mapping[str, Sequence[float]] | Sequence[str] | None = None,
     resolution: int | None = None,
     layers: int | None = None,
     plane: bool = False,
@@ -159,6 +183,9 @@ def stiffness(
         Load on the platform: N, N, N mm.
     displacement : tuple of float, optional
         Displacement at which the platform is held, instead of a load: mm, mm, rad.
+    force_at : mapping of str to tuple of float, or sequence of str, optional
+        Loads at points of a mechanism by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M, repeated.
+        Two opposite loads at two points are a pair between their bodies.
     {shared}
 
     Notes
@@ -177,6 +204,12 @@ def stiffness(
         raise BadInput("force and displacement, expected one of the two")
     load = None if force is None else arguments.forces("force", force, 1)
     held = None if displacement is None else arguments.poses("displacement", displacement, 1)
+    point_load = None
+    if force_at:
+        if held is not None:
+            raise BadInput("displacement and force_at, expected one of the two")
+        point_load = _at_points(stage.layout, force_at)
+        load = np.ravel(point_load) if load is None else np.ravel(point_load) + np.pad(load, (0, point_load.size - 3))
 
     def load_for(K: Array) -> Array | None:
         return load if held is None else np.asarray(K @ held)
@@ -216,16 +249,22 @@ def stiffness(
         found = _with_bounds(stage, mesh, found)
     if ELASTIC in found:
         rigid, elastic = (found[model].values["free"] for model in (ANALYTIC, ELASTIC))
-        if soft := ", ".join(compress(DIRECTIONS, rigid > 2 * elastic)):  # no result has the stress of bodies
+        if soft := ", ".join(compress(DIRECTIONS, rigid > 2 * elastic)):
             warnings.append(f"in {soft}, bodies are more compliant than hinges: {HINGES_ALONE}")
     last, fields = list(found.values())[-1].values, None
+    if point_load is not None:
+        others["point_load"] = point_load
     if isinstance(stage, Mechanism) and ANALYTIC in found:
         others["buckling_load"] = buckling_loads(stage.layout)
         warnings += _of_buckling(others["buckling_load"], last)
+    if mesh is not None and "body_rate" in last:
+        warnings += plates.left_out_corners(stage.layout, plates.meshed(stage, levels(mesh.resolution)[0]))
+        notes.append(_first_yields(stage.layout, last))
     if "force" in last:
         stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
         warnings += plates.over_yield(stage, found, stress, "under this load")
-        fields = None if mesh is None else _fields(stage, mesh, last)
+        loads = last["force"] if load is None else load
+        fields = None if mesh is None else _fields(stage, mesh, last, loads)
     if isinstance(stage, Stage):
         poses = {
             f"end of the range at yield in {axis}": last["yield_range"] * unit for axis, unit in UNIT_POSES.items()
@@ -233,6 +272,47 @@ def stiffness(
         for where, pose in ({"under this load": last["pose"]} | poses if "pose" in last else poses).items():
             warnings += warning.of_motion(stage, pose, where)
     return setup.answer(Stiffness, stage, found, mesh, settings, others, warnings=warnings, notes=notes, fields=fields)
+
+
+def _at_points(layout: Layout, stated: Mapping[str, Sequence[float]] | Sequence[str]) -> Array:
+    """Return loads (points, 3) from those by the names of points, or from texts NAME=FX,FY,M. Raises BadInput."""
+    names = [name for name, _ in layout.points]
+    found = np.zeros((len(names), 3))
+    if isinstance(stated, str):
+        stated = [stated]
+    pairs = stated.items() if isinstance(stated, Mapping) else [_named_load(text) for text in stated]
+    for name, load in pairs:
+        if name not in names:
+            raise BadInput(f"force_at {name!r}, expected the name of a point{nearest(name, names)}")
+        found[names.index(name)] += arguments.forces(f"force_at {name}", load, 1)
+    return found
+
+
+def _named_load(text: str) -> tuple[str, list[float]]:
+    """Return the name and the load of a text NAME=FX,FY,M, whose numbers may have units. Raises BadInput."""
+    name, _, numbers = str(text).rpartition("=")
+    parts = numbers.split(",")
+    if not name or len(parts) != len(FORCES):
+        raise BadInput(f"force_at {text!r}, expected NAME=FX,FY,M: a point, two forces in N and a moment in N mm")
+    try:
+        return name.strip(), [in_unit(part.strip(), unit) for part, unit in zip(parts, FORCES, strict=True)]
+    except ValueError as error:
+        raise BadInput(f"force_at {name}: {error}") from None
+
+
+def _first_yields(layout: Layout, values: Values) -> str:
+    """Return a note on the part that ends each range at yield, and its place."""
+    names = [f"hinge {joint.name}" for joint in layout.joints]
+    names += [f"body {layout.bodies[index].name}" for index in moving_bodies(layout)]
+    stress = values["body_rate"]
+    if "stress" in values:
+        stress = np.concatenate([values["stress"], stress])
+    parts = [
+        f"{direction} {names[int(np.argmax(stress[:, axis]))]} at ({values['yield_x'][axis]:.4g}, "
+        f"{values['yield_y'][axis]:.4g}) mm"
+        for axis, direction in enumerate(DIRECTIONS)
+    ]
+    return f"first yield by finite elements, which ends the range at yield: {'; '.join(parts)}"
 
 
 def buckling_loads(layout: Layout) -> Array:
@@ -287,10 +367,22 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
     """
     C = response.compliance
     values: dict[str, Any] = at_rest(C[:3, :3])
-    stress = np.moveaxis(response.stress(values["stiffness"] @ np.eye(3, len(C))), 0, -1)
+    loads = values["stiffness"] @ np.eye(3, len(C))
+    stress = np.moveaxis(response.stress(loads), 0, -1)
+    highest = stress.reshape(-1, 3)
     if stress.size:
-        reach = plate.material.yield_strength / np.max(stress.reshape(-1, 3), axis=0)
-        values |= {"stress": stress, "yield_range": reach, "yield_force": np.diag(values["stiffness"]) * reach}
+        values["stress"] = stress
+    if response.bodies is not None:
+        found = response.bodies(loads)
+        values["body_rate"] = found.highest.T
+        hinges = [[joint.place.real, joint.place.imag] for joint in plate.layout.joints]
+        highest = np.concatenate([highest, found.highest.T])
+        first = np.argmax(highest, axis=0)
+        at = np.array([[*hinges, *found.place[axis]][part] for axis, part in enumerate(first)])
+        values |= {"yield_x": at[:, 0], "yield_y": at[:, 1]}
+    if highest.size:
+        reach = plate.material.yield_strength / np.max(highest, axis=0)
+        values |= {"yield_range": reach, "yield_force": np.diag(values["stiffness"]) * reach}
     if isinstance(plate, Mechanism) and (drives := plate.layout.drive_ports):
         motions = plates.amplification(plate.layout, C)
         values |= {"input_stiffness": 1 / np.diag(C)[drives], "amplification": motions}
@@ -301,11 +393,18 @@ def _values(plate: Stage | Mechanism, response: Responses, load_for: Loads) -> d
     """Return the values at rest, and those under the load if there is one."""
     values, C = of_ports(plate, response), response.compliance
     if (F := load_for(values["stiffness"])) is not None:
-        loads, motions = F @ np.eye(3, len(C)), C[:, :3] @ F
-        values |= {"force": F, "pose": motions, "energy": F @ motions[:3] / 2}
+        loads = np.zeros(len(C))
+        loads[: len(F)] = F  # on the output, or on all points
+        motions = C @ loads
+        values |= {"force": loads[:3], "pose": motions, "energy": loads @ motions / 2}
         if isinstance(plate, Mechanism):
             values["pose"] = motions[: 3 * len(plate.layout.points)].reshape(-1, 3)
         values["neck_stress" if isinstance(plate, Stage) else "hinge_stress"] = response.stress(loads)
+        if response.bodies is not None:
+            bodies = response.bodies(loads)
+            if len(plate.layout.points) > 1 and response.points is not None:
+                values["point_stress"] = response.points(loads)
+            values |= {"body_stress": bodies.highest, "body_x": bodies.place[:, 0], "body_y": bodies.place[:, 1]}
     return values
 
 
@@ -345,8 +444,10 @@ def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dic
     return found | {label: ModelAnswer(values | parts, widths)}
 
 
-def _fields(plate: Stage | Mechanism, mesh: Mesh, values: Values) -> MeshFields:
-    """Return displacement, mm, and stress, MPa, at all nodes by the values under a load; none in fixed bodies.
+def _fields(plate: Stage | Mechanism, mesh: Mesh, values: Values, loads: Array) -> MeshFields:
+    """Return displacement, mm, and stress, MPa, at all nodes by values under loads (n,) on the first ports.
+
+    There are none in fixed bodies.
 
     Those of a mechanism in three dimensions are on the coarsest mesh. Plane fields have the pose of the output.
     """
@@ -358,8 +459,11 @@ def _fields(plate: Stage | Mechanism, mesh: Mesh, values: Values) -> MeshFields:
 
     def made() -> dict[str, Array]:
         whole = plates.solved(plate, *size).whole
-        force = np.linalg.solve(whole.compliance[:3, :3], np.ravel(values["pose"])[:3])
-        part, field = whole.structure, np.tensordot(force, whole.nodal[:3], axes=1)
+        C, count = whole.compliance, len(loads)
+        at_points = C[:3, 3:count] @ loads[3:]
+        on_output = np.linalg.solve(C[:3, :3], np.ravel(values["pose"])[:3] - at_points)
+        force = np.concatenate([on_output, loads[3:]])
+        part, field = whole.structure, np.tensordot(force, whole.nodal[:count], axes=1)
         moving, highest = np.unique(part.mesh.triangles), np.zeros(field.shape[:-1])
         stress = nodal_stress(part.mesh, part.plate, field, moving, part.layers)
         highest[moving] = von_mises(stress, ratio).reshape(highest[moving].shape)

@@ -304,7 +304,7 @@ def test_mirrored_plate_has_a_mirrored_mesh(name, monkeypatch):
     assert np.abs(C[1, [0, 2]]).max() < SYMMETRIC
     C, other = relative(layout, without_symmetry(layout, 4, monkeypatch))
     assert np.abs(C[1, [0, 2]]).max() > 10 * SYMMETRIC
-    np.testing.assert_allclose(principal[:3], other[:3], rtol=1e-4)  # two triangles more across the necks: up to 1e-4
+    np.testing.assert_allclose(principal[:3], other[:3], rtol=2e-4)  # other triangles at necks and holes: up to 1.2e-4
 
 
 @pytest.mark.parametrize("profile", [Leaf(0.4, 8.0, 0.4), Circular(0.5, 2.5), Elliptical(0.5, 8.0, 2.0)])

@@ -92,3 +92,151 @@ def test_a_question_about_hinges_says_in_one_line_that_there_are_none(strip, ask
         ask(strip)
     assert "strip.toml" in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def plate_of(tmp_path, name, text, **numbers):
+    path = tmp_path / f"{name}.toml"
+    path.write_text(text.format(**numbers))
+    return load_mechanism(path)
+
+
+PLATE = """
+name = "plate"
+thickness_mm = 2
+model = "plane_stress"
+[material]
+name = "a metal"
+youngs_modulus_gpa = 70
+poissons_ratio = 0.29
+density_kg_m3 = 2700
+yield_strength_mpa = 240
+[[body]]
+name = "plate"
+outline_mm = {outline}
+{holes}
+clamped_edges = [{clamped}]
+[output]
+body = "plate"
+at_mm = {at}
+contact_mm = {contact}
+"""
+PETERSON = 0.015  # of Howland's factor, and of the stress at the finest mesh
+WIDEST = 0.1  # band of a stress at a hole with 16 to 32 triangles around it
+GUIDED = 0.03  # the root, and the guide at the end, which acts over the half disc
+ROOT = 0.02  # of a beam's stress a quarter of its height from a clamped root
+
+
+def test_the_highest_stress_of_a_strip_in_tension_is_at_its_hole(tmp_path):
+    """Chart 4.1 of W. D. Pilkey, Peterson's stress concentration factors: a hole of 8 mm in a strip of 40 mm."""
+    plate = plate_of(
+        tmp_path, "hole", PLATE, outline="[[-60, -20], [70, -20], [70, 20], [-60, 20]]",
+        holes="holes = [{centre_mm = [0, 0], radius_mm = 4}]", clamped=4, at="[60, 0]", contact=12,
+    )  # fmt: skip
+    found = flexfem.stiffness(plate, force=(1000.0, 0.0, 0.0))
+    factor_on_net_section = 2.5065
+    expected = factor_on_net_section * 1000 / (32 * 2)
+    assert found.body_stress[0, 0] == pytest.approx(expected, rel=PETERSON)
+    assert abs(found.body_stress[0, 0] - expected) < found.band("body_stress")[0, 0] < WIDEST * expected
+    assert abs(found.body_x[0, 0]) < 0.8
+    assert abs(found.body_y[0, 0]) == pytest.approx(4.0, abs=0.1)
+
+
+def test_the_range_ends_at_the_first_yield_in_a_body_which_is_named(strip):
+    found = flexfem.stiffness(strip, force=(0.0, 1.0, 0.0))
+    section = DEPTH * HEIGHT**2 / 6
+    at_root = (LENGTH - HEIGHT / 4) / section
+    assert found.at("body_stress", body="strip")[0] == pytest.approx(at_root, rel=ROOT)
+    assert abs(found.body_x[0, 0]) < HEIGHT
+    # with the other directions held, the strip is guided: 6 E I d / L^2 at the root, over the section modulus
+    rate = 6 * bending_stiffness() / LENGTH**2 / section * (1 - 2 * HEIGHT / 4 / LENGTH)
+    assert found.internal.values["yield_range"][0, 1] == pytest.approx(240 / rate, rel=ROOT)
+    assert found.internal.values["yield_force"][0, 1] == pytest.approx(
+        12 * bending_stiffness() / LENGTH**3 * 240 / rate, rel=GUIDED
+    )
+    assert any("y body strip at" in note for note in found.notes)
+
+
+def test_corners_without_radius_are_left_out_and_named(tmp_path):
+    outline = "[[0, 0], [10, 0], [10, 40], [60, 40], [60, 50], [0, 50]]"
+    bracket = plate_of(tmp_path, "bracket", PLATE, outline=outline, holes="", clamped=1, at="[57, 45]", contact=1.5)
+    found = flexfem.stiffness(bracket, force=(0.0, -10.0, 0.0))
+    (warned,) = (text for text in found.warnings if "sharp in the drawing" in text)
+    width = 2 * 1000 / 220  # twice the area over the perimeter
+    assert f"plate within {width / 4:.3g} mm of (0, 0), (10, 0), (10, 40)" in warned
+    x, y = found.body_x[0, 0], found.body_y[0, 0]
+    assert min(np.hypot(x - a, y - b) for a, b in ((0, 0), (10, 0), (10, 40))) >= width / 4 - 1e-6
+    rounded = outline.replace("[10, 40]", "[10, 40, 3]")
+    smooth = plate_of(tmp_path, "smooth", PLATE, outline=rounded, holes="", clamped=1, at="[57, 45]", contact=1.5)
+    (warned,) = (text for text in flexfem.stiffness(smooth).warnings if "sharp in the drawing" in text)
+    assert "(10, 40)" not in warned
+
+
+JAWS = (
+    STRIP
+    + """
+[[body]]
+name = "other jaw"
+path_mm = [[0, 12], [50, 12]]
+width_mm = 1.0
+clamped_edges = [1]
+[[point]]
+name = "other tip"
+body = "other jaw"
+at_mm = [50, 12]
+contact_mm = 0.8
+[[point]]
+name = "side"
+body = "strip"
+at_mm = [20, 0.25]
+contact_mm = 0.8
+[[point]]
+name = "middle"
+body = "strip"
+at_mm = [30, 0]
+contact_mm = 0.8
+"""
+)
+
+
+@pytest.fixture(scope="module")
+def jaws(tmp_path_factory):
+    path = tmp_path_factory.mktemp("jaws") / "jaws.toml"
+    path.write_text(JAWS)
+    return load_mechanism(path)
+
+
+def test_a_pair_of_forces_between_two_jaws_opens_both_as_cantilevers(jaws):
+    found = flexfem.stiffness(jaws, force_at={"output": (0.0, -0.6, 0.0), "other tip": (0.0, 0.6, 0.0)})
+    moved = found.internal.values["pose"][0, :, 1]
+    assert moved[0] == pytest.approx(-0.6 * LENGTH**3 / (3 * bending_stiffness()), rel=BEAM)
+    assert moved[1] == pytest.approx(0.6 * 50.0**3 / (3 * bending_stiffness()), rel=BEAM)
+    assert found.energy[0] == pytest.approx(0.3 * (moved[1] - moved[0]), rel=1e-9)
+    stress = found.at("body_stress", model="finite elements")
+    section = DEPTH * HEIGHT**2 / 6
+    assert stress == pytest.approx([0.6 * (LENGTH - 0.25) / section, 0.6 * (50.0 - 0.25) / section], rel=ROOT)
+
+
+def test_a_load_and_a_stress_at_a_point_are_those_of_a_beam(jaws):
+    found = flexfem.stiffness(jaws, force=(0.0, 0.2, 0.0), force_at=["middle=0,0.5 N,0"])
+    by_load = 0.5 * 30.0**2 * (3 * LENGTH - 30.0) / 6 + 0.2 * LENGTH**3 / 3
+    assert found.internal.values["pose"][0, 0, 1] == pytest.approx(by_load / bending_stiffness(), rel=BEAM)
+    stress = found.at("point_stress", model="finite elements")
+    names = found.axes["point"]
+    moment = 0.2 * (LENGTH - 20.0) + 0.5 * (30.0 - 20.0)
+    assert stress[names.index("side")] == pytest.approx(moment * 3 / (DEPTH * HEIGHT**2), rel=ROOT)  # halfway
+    assert np.isnan(stress[names.index("output")])
+    np.testing.assert_array_equal(found.point_load[names.index("middle")], [0.0, 0.5, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        ({"midle": (0, 1, 0)}, "did you mean middle"),
+        (["middle=0,1"], "expected NAME=FX,FY,M"),
+        (["middle=0,1 kg,0"], "expected a number in N"),
+        ({"middle": (0, 1)}, r"expected \(3\)"),
+    ],
+)
+def test_a_load_at_no_point_or_of_another_form_is_refused(jaws, stated, expected):
+    with pytest.raises(BadInput, match=expected):
+        flexfem.stiffness(jaws, force_at=stated)

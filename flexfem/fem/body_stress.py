@@ -1,0 +1,162 @@
+"""Highest stress of the moving bodies of a plate, and the places near which it is left out.
+
+At a re-entrant corner without radius and at the ends of a clamped edge the stress of linear elasticity is singular: it
+grows without limit as the mesh is refined. Where a load acts, the stress follows from its idealisation as a body force
+over a disc. Nodes near such corners and loads are therefore left out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import AnyArray, Array, Index
+from flexfem.fem.elements import nodal_stress, von_mises
+from flexfem.fem.mesh import StageMesh, shape_functions
+from flexfem.fem.response import Response
+from flexfem.mechanism.layout import Body, Layout, Patch
+from flexfem.mechanism.plate import mean_width
+
+SHARP = np.deg2rad(20.0)  # turn of the edge of the plate at a corner without radius
+# Distance from such a corner, per mean width of the body, within which nodes are left out: two triangles of the
+# coarsest mesh. Farther away the stress at the corner of a bar is within a few per cent of that of a beam.
+NEAR = 0.25
+AT_LOAD = 3.0  # distance from a contact, per radius, within which nodes are left out: a load is an idealisation there
+SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # nodes of a triangle: start, end and middle of its sides
+
+
+class BodyStress(NamedTuple):
+    """Highest von Mises stress (..., b), MPa, of the moving bodies, and its places (..., b, 2), mm."""
+
+    highest: Array
+    place: Array
+
+
+def moving_bodies(layout: Layout) -> list[int]:
+    """Return the indices of the bodies that are elastic: all that are not fixed."""
+    return [index for index, body in enumerate(layout.bodies) if not body.fixed]
+
+
+def sharp_corners(mesh: StageMesh, held: Index) -> Index:
+    """Return the nodes at re-entrant corners of a mesh, without radius, and at the ends of held parts of its edge.
+
+    held : nodes that do not move.
+    """
+    sides = mesh.triangles[:, SIDES].reshape(-1, 3)
+    ends = np.sort(sides[:, :2], axis=1)
+    _, which, counts = np.unique(ends, axis=0, return_index=True, return_counts=True)
+    start, end, middle = sides[which[counts == 1]].T  # with the plate on the left
+    z = mesh.nodes @ [1, 1j]
+    leaving, arriving = np.zeros((2, len(z)), dtype=complex)
+    leaving[start] = -3 * z[start] + 4 * z[middle] - z[end]
+    arriving[end] = z[start] - 4 * z[middle] + 3 * z[end]
+    is_held = np.isin(np.arange(len(z)), held)
+    held_side = is_held[start] & is_held[middle] & is_held[end]
+    sides_held = np.bincount(start, held_side, len(z)) + np.bincount(end, held_side, len(z))
+    corners = np.intersect1d(start, end)
+    turns = np.angle(leaving[corners] * arriving[corners].conjugate())
+    free = sides_held[corners] == 0
+    half_held = sides_held[corners] == 1
+    return np.asarray(corners[(free & (turns < -SHARP)) | half_held])
+
+
+def left_out_within(body: Body) -> float:
+    """Return the distance, mm, from a sharp corner of a body within which its stress is left out.
+
+    It is zero for a body without an outline, of which only the mesh is known.
+    """
+    if not body.outline:
+        return 0.0
+    return NEAR * (body.width or mean_width(body))
+
+
+def corners_of_bodies(layout: Layout, mesh: StageMesh, held: Index) -> list[Index]:
+    """Return the sharp corners of every moving body, those at the ends of its hinges included.
+
+    mesh : of the bodies that are not fixed and of the hinges.   held : nodes that do not move.
+    """
+    corners = sharp_corners(mesh, held)
+    return [np.intersect1d(corners, mesh.triangles[mesh.bodies == index]) for index in moving_bodies(layout)]
+
+
+def body_nodes(layout: Layout, mesh: StageMesh, held: Index) -> tuple[Index, ...]:
+    """Return the nodes of every moving body that are not near its sharp corners and loads; at least the farthest one.
+
+    mesh, held : as of `corners_of_bodies`.
+    """
+    found = list[Index]()
+    corners = corners_of_bodies(layout, mesh, held)
+    for index, sharp in zip(moving_bodies(layout), corners, strict=True):
+        nodes = np.unique(mesh.triangles[mesh.bodies == index])
+        points = mesh.nodes[nodes]
+        centres = [(mesh.nodes[corner], left_out_within(layout.bodies[index])) for corner in sharp]
+        for patch in loaded_patches(layout, index):
+            centres.append((np.array([patch.point.real, patch.point.imag]), AT_LOAD * (patch.radius or 0.0)))
+        away = np.full(len(nodes), np.inf)  # distances from all centres, each per its radius
+        for centre, radius in centres:
+            if radius:
+                away = np.minimum(away, np.hypot(*(points - centre).T) / radius)
+        found.append(nodes[away >= min(1.0, away.max())])
+    return tuple(found)
+
+
+def loaded_patches(layout: Layout, body: int) -> list[Patch]:
+    """Return the contacts of a body with a radius at which the output or an actuator loads it."""
+    contacts = [layout.points[0][1], *(patch for actuator in layout.actuators for patch in actuator.contacts)]
+    return [patch for patch in contacts if patch.body == body and patch.radius is not None]
+
+
+def body_stress(response: Response, loads: Array) -> BodyStress:
+    """Return the highest stress of every body, at the nodes of `body_nodes`, under loads (..., c), multiples of cases.
+
+    With layers it is the highest over the thickness.
+    """
+    flat = np.reshape(loads, (-1, len(response.nodal)))
+    places = response.structure.mesh.nodes
+    highest = np.zeros((len(flat), len(response.bodies)))
+    at = np.zeros((*highest.shape, 2))
+    for number, (nodes, stress) in enumerate(zip(response.bodies, response.body_stresses, strict=True)):
+        for row, load in enumerate(flat):
+            values: AnyArray = von_mises(np.tensordot(load, stress, axes=1), response.ratio).reshape(len(nodes), -1)
+            by_node = values.max(axis=1)
+            worst = int(np.argmax(by_node))
+            highest[row, number] = by_node[worst]
+            at[row, number] = places[nodes[worst]]
+    shape = (*np.shape(loads)[:-1], len(response.bodies))
+    return BodyStress(highest.reshape(shape), at.reshape(*shape, 2))
+
+
+def point_stress(response: Response, layout: Layout, loads: Array) -> Array:
+    """Return the von Mises stress (..., p), MPa, at the points of a layout under loads (..., c), multiples of cases.
+
+    It is that of the nearest place of the body of the point; with layers, the highest over the thickness. It is nan at
+    the output, where it follows from the idealised load, and on fixed bodies.
+    """
+    flat = np.reshape(loads, (-1, len(response.nodal)))
+    found = np.full((len(flat), len(layout.points)), np.nan)
+    mesh, plate, layers = response.structure.mesh, response.structure.plate, response.structure.layers
+    for number, (_, patch) in enumerate(layout.points[1:], start=1):
+        triangles = mesh.triangles[mesh.bodies == patch.body]
+        if not len(triangles):
+            continue
+        nodes, weights = _interpolation(mesh.nodes, triangles, patch.point)
+        stress = nodal_stress(mesh, plate, response.nodal, np.sort(nodes), layers)[:, np.argsort(np.argsort(nodes))]
+        at_point = np.tensordot(weights, stress, axes=(0, 1))
+        values = von_mises(np.tensordot(flat, at_point, axes=1), response.ratio)
+        found[:, number] = values.reshape(len(flat), -1).max(axis=1)
+    return found.reshape(*np.shape(loads)[:-1], len(layout.points))
+
+
+def _interpolation(places: Array, triangles: Index, point: complex) -> tuple[Index, Array]:
+    """Return the nodes (6,) of the triangle that contains a point, or is nearest to it, and their weights."""
+    corners = places[triangles[:, :3]] @ [1, 1j]
+    a, b, c = corners.T
+    area = ((b - a).conjugate() * (c - a)).imag
+    shares = np.array(
+        [((end - start).conjugate() * (point - start)).imag / area for start, end in ((b, c), (c, a), (a, b))]
+    )
+    nearest = int(np.argmax(shares.min(axis=0)))
+    inside = np.clip(shares[:, nearest], 0.0, None)
+    inside = inside / inside.sum()
+    return triangles[nearest], shape_functions(inside[None, 1:])[0][:, 0]
