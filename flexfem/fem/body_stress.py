@@ -107,10 +107,11 @@ def loaded_patches(layout: Layout, body: int) -> list[Patch]:
     return [patch for patch in contacts if patch.body == body and patch.radius is not None]
 
 
-def body_stress(response: Response, loads: Array) -> BodyStress:
+def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
     """Return the highest stress of every body, at the nodes of `body_nodes`, under loads (..., c), multiples of cases.
 
-    With layers it is the highest over the thickness.
+    The cases are unit loads on the ports. Nodes near loaded points are left out, too. With layers it is the highest
+    over the thickness.
     """
     flat = np.reshape(loads, (-1, len(response.nodal)))
     places = response.structure.mesh.nodes
@@ -120,11 +121,25 @@ def body_stress(response: Response, loads: Array) -> BodyStress:
         for row, load in enumerate(flat):
             values: AnyArray = von_mises(np.tensordot(load, stress, axes=1), response.ratio).reshape(len(nodes), -1)
             by_node = values.max(axis=1)
+            for patch in _loaded_points(layout, moving_bodies(layout)[number], load):
+                centre = [patch.point.real, patch.point.imag]
+                near = np.hypot(*(places[nodes] - centre).T) < AT_LOAD * (patch.radius or 0.0)
+                if not near.all():
+                    by_node[near] = 0.0
             worst = int(np.argmax(by_node))
             highest[row, number] = by_node[worst]
             at[row, number] = places[nodes[worst]]
     shape = (*np.shape(loads)[:-1], len(response.bodies))
     return BodyStress(highest.reshape(shape), at.reshape(*shape, 2))
+
+
+def _loaded_points(layout: Layout, body: int, load: Array) -> list[Patch]:
+    """Return the points of a body, besides the output, that a load (c,) on the ports loads."""
+    found = list[Patch]()
+    for number, (_, patch) in enumerate(layout.points[1:], start=1):
+        if patch.body == body and np.any(load[3 * number : 3 * number + 3]):
+            found.append(patch)
+    return found
 
 
 def point_stress(response: Response, layout: Layout, loads: Array) -> Array:

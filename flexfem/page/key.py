@@ -21,7 +21,7 @@ from flexfem.questions.drive import DrivenElements, drive, driven_elements
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness
-from flexfem.results import ANALYTIC, SOLID, SPACE, Result, TextTable, number
+from flexfem.results import ANALYTIC, ELEMENTS, SOLID, SPACE, Result, TextTable, number
 from flexfem.units import DIRECTIONS, PLANES, Direction
 
 Ask: TypeAlias = Callable[[Callable[..., Any]], Any]  # answers a question about the subject of a page, once
@@ -138,7 +138,9 @@ def errors_driven(found: Result, actuator: str, analytic: str) -> list[tuple[str
 
 
 def _model(label: str, analytic: str) -> str:
-    """Name an analytic model by its label, or the only analytic one by a description."""
+    """Name an analytic model by its label, or the only analytic one by a description; plane finite elements as such."""
+    if label == ELEMENTS:
+        return "plane finite elements"
     return f"the analytic model ({analytic if label == ANALYTIC else label})"
 
 

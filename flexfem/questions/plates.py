@@ -312,7 +312,7 @@ def responses(plate: Stage | Mechanism, response: Response) -> Responses:
 
     if not response.bodies:
         return Responses(response.compliance, stress)
-    bodies = partial(body_stress, response)
+    bodies = partial(body_stress, response, plate.layout)
     return Responses(response.compliance, stress, bodies, partial(point_stress, response, plate.layout))
 
 

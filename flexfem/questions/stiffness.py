@@ -94,7 +94,7 @@ class Stiffness(Result):
     body_rate = Quantity(
         "highest stress of bodies per displacement, other directions held", "stress per motion",
         ("body", "model", "direction"), STRESS, "all", only="mechanism",
-        note="it is not stated within three radii of the contact of the output or of an actuator",
+        note="not within three radii of the contact of the output, of an actuator or of a loaded point",
     )  # fmt: skip
     yield_x = Quantity(
         "place of the first yield, x", "mm", ("model", "direction"), NEARLY_EQUAL, shown=False, only="mechanism"

@@ -77,10 +77,10 @@ def of_result(stage: Stage, model: AnalyticResult) -> Warnings:
 
 
 def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
-    """Warn of a highest neck stress above the yield strength, MPa; `where` names the load or command."""
+    """Warn of a highest stress above the yield strength, MPa; `where` names the load or command."""
     return _when(
         stress > yield_strength,
-        f"{where}: the highest neck stress is {stress:.4g} {STRESS}, beyond the yield strength of {yield_strength:.4g} "
+        f"{where}: the highest stress is {stress:.4g} {STRESS}, beyond the yield strength of {yield_strength:.4g} "
         f"{STRESS}; the elastic result is not valid there",
     )
 

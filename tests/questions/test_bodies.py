@@ -240,3 +240,47 @@ def test_a_load_and_a_stress_at_a_point_are_those_of_a_beam(jaws):
 def test_a_load_at_no_point_or_of_another_form_is_refused(jaws, stated, expected):
     with pytest.raises(BadInput, match=expected):
         flexfem.stiffness(jaws, force_at=stated)
+
+
+def test_the_neighbourhood_of_a_loaded_point_is_left_out(tmp_path):
+    """A couple on a disc of 3 mm stresses the disc most; the bending of the plate is a tenth of this."""
+    text = PLATE + '[[point]]\nname = "pin"\nbody = "plate"\nat_mm = [20, 0]\ncontact_mm = 3\n'
+    outline = "[[-60, -20], [70, -20], [70, 20], [-60, 20]]"
+    plate = plate_of(tmp_path, "pin", text, outline=outline, holes="", clamped=4, at="[60, 0]", contact=2)
+    found = flexfem.stiffness(plate, force_at={"pin": (0.0, 0.0, 1000.0)}, resolution=6)
+    assert np.hypot(found.body_x[0, 0] - 20, found.body_y[0, 0]) >= 9.0
+    bending = 1000.0 * 6 / (2 * 40**2)
+    assert bending < found.body_stress[0, 0] < 0.5 * 1000 * 2 / (np.pi * 3**3 * 2)  # of a disc in torsion
+
+
+def test_the_highest_stress_of_a_bent_bar_is_at_the_inside_of_its_bend(tmp_path):
+    """A bar 4 mm high whose axis has a radius of 8 mm, under a moment: M (r_n - a) / (A e a) by E. Winkler (1858)."""
+    text = PLATE.replace("outline_mm = {outline}", "path_mm = [[8, -20], [8, 8, 8], [-20, 8]]\nwidth_mm = 4")
+    bar = plate_of(tmp_path, "bend", text, holes="", clamped=1, at="[-18, 8]", contact=1.5)
+    found = flexfem.stiffness(bar, force=(0.0, 0.0, 1000.0))
+    inner, outer, section = 6.0, 10.0, 8.0
+    neutral = (outer - inner) / np.log(outer / inner)
+    expected = 1000.0 * (neutral - inner) / (section * (8.0 - neutral) * inner)
+    assert found.body_stress[0, 0] == pytest.approx(expected, rel=ROOT)
+    assert np.hypot(found.body_x[0, 0], found.body_y[0, 0]) == pytest.approx(inner, abs=0.02)
+
+
+INDEPENDENT = 0.02  # of the stress by an independent mesh in plane stress, second order, of unknown refinement
+
+
+def test_a_load_cell_has_its_stiffness_and_its_stress_in_the_neck_beside_the_hole(tmp_path):
+    """A bar with two overlapping holes at 98.1 N: 75.87 N/mm and 840 MPa by an independent mesh in plane stress."""
+    union = (
+        "[[0, 4.4721359550], [1.7082039325, 6, 6], [10, 6, 6], [10, -6, 6], [1.7082039325, -6, 6], "
+        "[0, -4.4721359550], [-1.7082039325, -6, 6], [-10, -6, 6], [-10, 6, 6], [-1.7082039325, 6, 6]]"
+    )
+    text = PLATE.replace("= 70\n", "= 73.1\n").replace("0.29", "0.33").replace("_mm = 2\n", "_mm = 12.7\n")
+    cell = plate_of(
+        tmp_path, "cell", text,
+        outline="[[-20, -6.35], [20, -6.35], [20, 6.35], [-20, 6.35]]",
+        holes=f"holes = [{{outline_mm = {union}}}]", clamped=4, at="[19, 0]", contact=2,
+    )  # fmt: skip
+    found = flexfem.stiffness(cell, force=(0.0, 98.1, 0.0))
+    assert found.at("free", direction="y")[0] == pytest.approx(75.87, rel=5e-4)  # both meshes
+    assert found.body_stress[0, 0] == pytest.approx(840, rel=INDEPENDENT)
+    assert [abs(found.body_x[0, 0]), abs(found.body_y[0, 0])] == pytest.approx([4.2, 6.0], abs=0.1)
