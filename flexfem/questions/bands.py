@@ -321,14 +321,17 @@ def pose_bands(resolutions: Array, poses: Array, scale: Array, ends: Sequence[Ar
     """Return the half-widths (3, cases) of the uncertainty of poses (levels, 3, cases) on three meshes.
 
     The largest of `corner_bands` bounds every component; `scale` (3,), 1 or mm, makes rotations comparable lengths.
-    ends : poses (3, cases) with few and with many layers. The largest change among the components of a case, times
-        `SAFETY`, is added to the bands of all of them.
+    ends : variants (3, cases) of the poses by the thickness, such as those with few layers, then these poses with many.
+        The largest change among the components of a case, times `SAFETY`, is added to the bands of all of them, for
+        every variant.
     """
     scaled = poses * scale[:, None]
     bands = _with_zeros(np.max(np.abs(scaled), axis=0), np.max(corner_bands(resolutions, scaled), axis=0))
     if len(ends):
-        few, many = (pose * scale[:, None] for pose in ends)
-        bands += _with_zeros(np.maximum(np.abs(few), np.abs(many)), SAFETY * np.max(np.abs(many - few), axis=0))
+        *variants, best = (pose * scale[:, None] for pose in ends)
+        for variant in variants:
+            largest = np.maximum(np.abs(variant), np.abs(best))
+            bands += _with_zeros(largest, SAFETY * np.max(np.abs(best - variant), axis=0))
     return np.asarray(bands / scale[:, None])
 
 

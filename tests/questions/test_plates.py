@@ -233,3 +233,15 @@ def test_plane_is_plane_stress_but_not_where_the_file_says_plane_strain():
     assert soft < between < hard
     with pytest.raises(BadInput, match=r"^plane with layers 3, expected one of the two$"):
         flexfem.stiffness(guide, plane=True, layers=3)
+
+
+def test_the_drift_of_a_thick_mechanism_has_a_band_for_its_thickness():
+    """Three variants of the thickness and the poses themselves; the stage on leaves of unlike expansion moves in y."""
+    expansions = {"material": GUIDE["material"] | {"expansion_um_per_m_k": 23}, "frame": {"expansion_um_per_m_k": 11}}
+    guide = Mechanism.model_validate(GUIDE | expansions)
+    thick, sheet = (flexfem.drift(guide, models="elements", resolution=4, plane=plane) for plane in (False, True))
+    assert thick.axes["model"] == ("three dimensions",)
+    place = {"case": "uniform", "direction": "y", "point": "output"}
+    value, plane = (float(found.at("pose", **place)[0]) for found in (thick, sheet))
+    assert value == pytest.approx(plane, rel=2e-2) and value != plane
+    assert float(thick.band("pose", **place)[0]) > float(sheet.band("pose", **place)[0])
