@@ -70,7 +70,7 @@ def mechanism_figure(result: MechanismErrors) -> Figure:
     """Draw the errors of the analytic networks of a mechanism, a panel for every direction that is not held."""
     lines = [
         "Motion of finite elements minus that of the analytic network, by the force or moment along the command alone.",
-        f"100 %: commanded motion. Rotations are multiplied by {float(result.lever):.4g} {LENGTH}. ±: mesh band.",
+        f"100 %: commanded motion. Rotations are multiplied by {float(result.lever):.4g} {LENGTH}. ±: band.",
     ]
     title = f"{result.about.name}: positioning errors"
     moved = [axis for axis in DIRECTIONS if np.isfinite(result.at("percent", commanded=axis)).any()]
