@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.plates import moving_bodies
+from flexfem.analytic.plates import hinge_compliance_of, moving_bodies
 from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.profiles import SHEAR_CORRECTION, Profile
@@ -73,7 +73,7 @@ def divided_profile(profile: Profile, count: int) -> Array:
     return np.asarray(np.interp(np.linspace(0.0, turned[-1], count + 1), turned, x))
 
 
-class _State(NamedTuple):
+class BeamState(NamedTuple):
     """A mechanism under loads on its k ports, in `size` unknowns.
 
     motions : (k,), of the ports, and their derivatives P : (size, k).   left : (size,), loads less elastic forces.
@@ -86,7 +86,7 @@ class _State(NamedTuple):
     K: Array
 
 
-class _Beams(NamedTuple):
+class Beams(NamedTuple):
     """The e beams of h hinges in a deformed mechanism.
 
     arm : (h, n), complex, mm, of nodes from the reference points of their bodies.
@@ -101,18 +101,20 @@ class _Beams(NamedTuple):
     stress: Array
 
 
-class _Plate:
+class FinitePlate:
     """A mechanism in its unknowns: displacement and rotation, 3 each, of bodies, then of nodes between beams.
 
     The nodes at the ends of a hinge move with its bodies; those at the ground have the three numbers after the last.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, hinges: Array | None = None) -> None:
+        """`hinges`: compliances (h, 3, 3) at their centres, that the beams get in tension and in bending."""
         moving, count = moving_bodies(layout), len(layout.joints)
         material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
         marks = {profile: divided_profile(profile, BEAMS) for profile in {joint.profile for joint in layout.joints}}
         stiff = {profile: beam_stiffness(profile, at, *material) for profile, at in marks.items()}
-        self.size = 3 * len(moving) + 3 * count * (BEAMS - 1)
+        self.rigid, self.hinges = 3 * len(moving), count
+        self.size = self.rigid + 3 * count * (BEAMS - 1)
         place = np.array([joint.place + np.exp(1j * joint.heading) * marks[joint.profile] for joint in layout.joints])
         column, bodies = np.full((count, BEAMS + 1), self.size), {body: 3 * i for i, body in enumerate(moving)}
         column[:, 1:-1] = 3 * len(moving) + 3 * np.arange(count * (BEAMS - 1)).reshape(count, -1)
@@ -123,6 +125,10 @@ class _Plate:
             centre[at // 3] = place[column == at].mean()
             self.arm[column == at] = place[column == at] - centre[at // 3]
         self.chord, self.stiffness = np.diff(place).ravel(), np.concatenate([stiff[j.profile] for j in layout.joints])
+        if hinges is not None:
+            own = np.array([hinge_compliance_of(joint.profile, *material) for joint in layout.joints])
+            self.stiffness[:, 0, 0] *= np.repeat(own[:, 0, 0] / hinges[:, 0, 0], BEAMS)
+            self.stiffness[:, 1:, 1:] *= np.repeat(own[:, 2, 2] / hinges[:, 2, 2], BEAMS)[:, None, None]
         self.extent = float(np.ptp(place.real) + np.ptp(place.imag))
         parts = [(j, bodies[at.body], at.point - centre[bodies[at.body] // 3], *wrench)
                  for j, port in enumerate(layout.ports) for at, wrench in port.parts if at.body in bodies]  # fmt: skip
@@ -130,7 +136,7 @@ class _Plate:
         self.port, self.loaded, self.load_arm, self.load = *columns[:3], np.array(columns[3:])
         self.ports = len(layout.ports)
 
-    def deformed(self, q: Array) -> _Beams:
+    def deformed(self, q: Array) -> Beams:
         """Beams at unknowns q (size,); a node at z of a body moves to the body's pose and turned z."""
         full, chord = np.append(q, np.zeros(3)), self.chord
         x, y, turn = full[self.column], full[self.column + 1], full[self.column + 2]
@@ -143,7 +149,7 @@ class _Plate:
         v = (2 * (chord.conj() * stretched).real + np.abs(stretched) ** 2) / (length + rest)
         bent = rest[:, None] * ends @ BOW
         strain = np.column_stack([v + np.sum(bent * ends, axis=1) / 2, ends])
-        return _Beams(arm, length, unit, bent, np.einsum("eij,ej->ei", self.stiffness, strain))
+        return Beams(arm, length, unit, bent, np.einsum("eij,ej->ei", self.stiffness, strain))
 
     def energy(self, q: Array, prestress: Array | float = 0.0) -> tuple[Array, Array]:
         """Gradient and Hessian of the elastic energy at unknowns q (size,).
@@ -181,7 +187,7 @@ class _Plate:
         np.add.at(hessian, (where[:, :, None], where[:, None]), J.transpose(0, 2, 1) @ K @ J)
         return gradient[: self.size], hessian[: self.size, : self.size]
 
-    def state(self, q: Array, f: Array) -> _State:
+    def state(self, q: Array, f: Array) -> BeamState:
         """State at unknowns q (size,) with dead loads f (k,), whose second derivatives come from rotations of arms."""
         (gradient, K), (fx, fy, m) = self.energy(q), self.load
         arm = self.load_arm * np.exp(1j * q[self.loaded + 2])
@@ -191,7 +197,7 @@ class _Plate:
         parts = fx * (q[self.loaded] + swung.real) + fy * (q[self.loaded + 1] + swung.imag) + m * q[self.loaded + 2]
         np.add.at(motions, self.port, parts)
         np.add.at(K, (self.loaded + 2, self.loaded + 2), f[self.port] * (arm.real * fx + arm.imag * fy))
-        return _State(motions, P, P @ f - gradient, K)
+        return BeamState(motions, P, P @ f - gradient, K)
 
     def equilibrium(self, q: Array, f: Array) -> Array | None:
         """Unknowns (size,) under dead loads (k,), from a start; None if Newton's method does not converge."""
@@ -222,7 +228,7 @@ def displaced(layout: Layout, loads: Array) -> FiniteResponse:
     ComputationFailed: a body can move without load, or there is no equilibrium near the one before: the mechanism
         buckles, or a load is far too large.
     """
-    plate, found = _Plate(layout), list[tuple[Array, Array, bool]]()
+    plate, found = FinitePlate(layout), list[tuple[Array, Array, bool]]()
     q, f = np.zeros(plate.size), np.zeros(plate.ports)
     for target in np.asarray(loads, dtype=float):
         done, share = 0.0, 1.0
@@ -254,7 +260,7 @@ def buckling_factors(layout: Layout, loads: Array, held: Sequence[Sequence[int]]
     """
     from scipy.linalg import eigh, null_space
 
-    plate = _Plate(layout)
+    plate = FinitePlate(layout)
     still = np.zeros(plate.size)
     rest = plate.state(still, np.zeros(plate.ports))
     factors = np.full(len(loads), np.inf)

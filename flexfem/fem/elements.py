@@ -6,7 +6,7 @@ element has psi = 1. The stiffness of two nodes of the plane is a sum of product
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -296,11 +296,17 @@ def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_arr
 
 
 def nodal_stress(
-    mesh: StageMesh, plate: Plate, fields: Array, chosen: Index | None = None, layers: Layers | None = None
+    mesh: StageMesh,
+    plate: Plate,
+    fields: Array,
+    chosen: Index | None = None,
+    layers: Layers | None = None,
+    strain: Callable[[Array], Array] | None = None,
 ) -> Array:
     """Stress (..., c, 2, 2), MPa, at all or chosen nodes (c,) of fields (..., n, 2), mm, averaged over the elements.
 
-    With layers the stress is (..., c, m, 3, 3) and fields are (..., n, m, 3).
+    With layers the stress is (..., c, m, 3, 3) and fields are (..., n, m, 3). `strain` is a function of displacement
+    gradients; by default it is their symmetric part.
     """
     line, n = (layers or sheet(plate.thickness)).at_nodes, len(mesh.nodes)
     m, d = len(line.heights), line.axes
@@ -312,7 +318,8 @@ def nodal_stress(
     for start in range(0, len(triangles), CACHED):
         part = triangles[start : start + CACHED]
         batch = ElementBatch(part, gradients(mesh.nodes[part], NODES)[0], np.empty((len(part), 0)), np.eye(6))
-        stress = stress_tensor(plate, batch.slopes(line, flat)).reshape(k, -1, d, d, 6, m)
+        slopes = batch.slopes(line, flat)
+        stress = stress_tensor(plate, slopes if strain is None else strain(slopes)).reshape(k, -1, d, d, 6, m)
         own, assembly = batch.assembly(n)
         total[own] += assembly @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(part.size, -1)
     adjacent = np.bincount(triangles.ravel(), minlength=n)[chosen]

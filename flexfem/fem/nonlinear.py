@@ -6,6 +6,7 @@ They act on the rigid hub of a stage, or on the ports of a plate, where bodies m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.elements import ElementBatch, Plate, assembled, stress_tensor
+from flexfem.fem.elements import ElementBatch, Plate, assembled, nodal_stress, stress_tensor, von_mises
 from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.ports import PlateModel, contact_forces
@@ -22,6 +23,7 @@ from flexfem.refused import ComputationFailed
 
 ITERATIONS = 25  # of one load step
 ALL_ITERATIONS = 1000  # of one load; a stage takes 4 to 6
+ALL = (0, 1, 2)  # ports of a hub that is held
 SMALLEST = 1 / 1024  # load step, as a share of the way from one load to the next
 LARGEST_CHANGE = 1.0  # of a displacement gradient, about rad, in one iteration; above it the load step is halved
 LARGEST_STRAIN = 0.3  # St. Venant-Kirchhoff material loses its stiffness under compression at 1/3
@@ -64,11 +66,12 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
 
 class State(NamedTuple):
     """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2, 2, q), MPa, for the
-    tangent: before convergence it differs from the stress of the displacements."""
+    tangent: before convergence it differs from the stress of the displacements. Load (k,), N and N mm."""
 
     pose: Array
     field: Array
     stress: list[Array]
+    load: Array
 
 
 class InternalForces(NamedTuple):
@@ -200,7 +203,8 @@ class LargeStructure:
         """Return the state of displacements (n, 2), mm, with those of the hub replaced by the motion of the pose."""
         field = field.copy()
         field[self.structure.hub] = self.hub_motion(pose)[0]
-        return State(pose, field, [stress_tensor(self.structure.plate, green_lagrange(H)) for H in self._slopes(field)])
+        stress = [stress_tensor(self.structure.plate, green_lagrange(H)) for H in self._slopes(field)]
+        return State(pose, field, stress, np.zeros(len(self.contacts.wrenches) if self.contacts else 3))
 
     def _slopes(self, field: Array) -> list[Array]:
         return [batch.slopes(self.structure.line, field[None])[0] for batch in self.structure.batches]
@@ -281,7 +285,29 @@ def equilibria(model: PlateModel, loads: Array) -> Equilibria:
 
 def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
     """Compute equilibria with the hub held at poses (k, 3) or (3,), mm and rad, by `load`, as `equilibrium`."""
-    return _equilibria(LargeStructure(structure(mesh, plate)), poses, hold=True)
+    return _equilibria(LargeStructure(structure(mesh, plate)), poses, ALL)
+
+
+def driven(model: PlateModel, ports: Sequence[int], motions: Array) -> Equilibria:
+    """Compute equilibria of a plane plate whose ports (p,) are held at motions (s, p), mm and rad, as `equilibrium`.
+
+    The other ports are free of load; the loads are those that hold the ports.
+    """
+    return _equilibria(LargeStructure(model.structure, contacts(model)), motions, ports)
+
+
+def stress_in_hinges(model: PlateModel, field: Array) -> Array:
+    """Return the highest von Mises stress (h,), MPa, at the nodes of every hinge for displacements (n, 2), mm.
+
+    It is that of the second Piola-Kirchhoff stress, whose axes turn with the material; strains are small. The nodes are
+    those of `ports.hinge_stress`.
+    """
+    structure, highest = model.structure, list[float]()
+    used = np.unique(np.concatenate(model.regions))
+    stress = von_mises(nodal_stress(structure.mesh, structure.plate, field, used, strain=green_lagrange), model.ratio)
+    for nodes in model.regions:
+        highest.append(float(stress[np.searchsorted(used, nodes)].max()))
+    return np.array(highest)
 
 
 class _Step(NamedTuple):
@@ -296,26 +322,26 @@ class _Step(NamedTuple):
     solve: Solve
 
 
-def _equilibria(model: LargeStructure, targets: Array, hold: bool = False) -> Equilibria:
-    """Return the equilibria at loads or (hold) poses (s, k) or (k,)."""
+def _equilibria(model: LargeStructure, targets: Array, held: Sequence[int] = ()) -> Equilibria:
+    """Return the equilibria at loads (s, k) or (k,), or at motions (s, p) or (p,) of the p held ports."""
     targets = np.atleast_2d(np.asarray(targets, dtype=float))
     state, start = model.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes)), np.zeros_like(targets[0])
     scale, rows = 0.0, []
     for target in targets:
-        step, scale = _advance(model, state, start, target, hold, scale)
+        step, scale = _advance(model, state, start, target, held, scale)
         state, start = step.state, target
-        rows.append(_entries(model, step, None if hold else target))
+        rows.append(_entries(model, step, held))
     return Equilibria(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _advance(
-    model: LargeStructure, state: State, start: Array, target: Array, hold: bool, scale: float
+    model: LargeStructure, state: State, start: Array, target: Array, held: Sequence[int], scale: float
 ) -> tuple[_Step, float]:
-    """Advance from `start`, a load or (hold) a pose, to `target`, with load steps halved when Newton's method fails."""
+    """Advance from `start`, a load or motions of held ports, to `target`, in smaller steps where one fails."""
     done, part, iterations = 0.0, 1.0, 0
     while part >= SMALLEST and iterations <= ALL_ITERATIONS:
         goal = target if done + part >= 1.0 else start + (done + part) * (target - start)
-        step, used = _newton(model, state, goal, hold, scale)
+        step, used = _newton(model, state, goal, held, scale)
         iterations += used
         if step is None:
             part /= 2
@@ -324,18 +350,20 @@ def _advance(
         if done >= 1.0:
             return step, scale
         part = min(2 * part, 1.0 - done)
-    condition = "holding the hub at" if hold else "under the load"
+    condition = "with the output held at" if held else "under the load"
     raise ComputationFailed(
         f"no equilibrium {condition} {target.tolist()}: Newton's method fails after {iterations} iterations, "
         f"at more than {100 * done:.3g} % of the target: the structure buckles, or the load is far too large"
     )
 
 
-def _newton(model: LargeStructure, state: State, goal: Array, hold: bool, scale: float) -> tuple[_Step | None, int]:
+def _newton(
+    model: LargeStructure, state: State, goal: Array, held: Sequence[int], scale: float
+) -> tuple[_Step | None, int]:
     """Return the step to equilibrium at `goal`, or None; its size is relative to an energy of at least `scale`."""
     last = 1.0
     for iteration in range(1, ITERATIONS + 1):
-        step = _step(model, state, goal, hold)
+        step = _step(model, state, goal, held)
         if not step.change <= LARGEST_CHANGE:
             return None, iteration
         energy = max(scale, step.energy, step.size**2)
@@ -346,25 +374,26 @@ def _newton(model: LargeStructure, state: State, goal: Array, hold: bool, scale:
     return None, ITERATIONS
 
 
-def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step:
-    """Take a Newton step towards a load or (hold) a pose; to hold it, the load on the hub is solved for."""
+def _step(model: LargeStructure, state: State, goal: Array, held: Sequence[int]) -> _Step:
+    """Take a Newton step towards a load or motions of held ports; the load that holds them is solved for."""
     structure, internal = model.structure, model.internal(state)
-    loads, solve = model.loads(state), model.solver(state, goal)
+    load = state.load if held else goal
+    loads, solve = model.loads(state), model.solver(state, load)
     residual = -internal.forces
-    if hold:
-        residual[-3:] = 0.0
-    else:
-        residual = residual + loads @ goal
     solution = solve(np.column_stack([residual, loads]))
     change, unit = solution[:, 0], solution[:, 1:]
-    if hold:
-        residual[-3:] = np.linalg.solve(unit[-3:], goal - state.pose - change[-3:])
-        change = change + unit @ residual[-3:]
+    if held:
+        ports = list(held)
+        remaining = goal - model.motions(state)[ports] - loads.T[ports] @ change
+        load = np.zeros_like(load)
+        load[ports] = np.linalg.solve(loads.T[ports] @ unit[:, ports], remaining)
+    change = change + unit @ load
+    residual = residual + loads @ load
     linear = np.zeros_like(state.field)
     linear[structure.free] = change[: model.free].reshape(-1, 2)
     moved, turned = state.field + linear, change[model.free :] if structure.poses else np.zeros(3)
     linear[structure.hub] = (model.hub_jacobian(state.pose) @ turned).reshape(-1, 2)
-    pose = goal if hold else state.pose + turned
+    pose = goal if held and structure.poses else state.pose + turned
     moved[structure.hub] = model.hub_motion(pose)[0]
     stress, largest = [], 0.0  # stress to first order in the change
     for batch in structure.batches:
@@ -374,19 +403,23 @@ def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step
         rate = (half + np.swapaxes(half, -3, -2)) / 2
         stress.append(stress_tensor(structure.plate, green_lagrange(slopes) + rate))
     size = float(np.sqrt(abs(change @ residual)))
-    state = State(pose, moved, stress)
+    state = State(pose, moved, stress, load)
     return _Step(state, size, internal.energy, float(largest), loads.T @ unit, solve)
 
 
-def _entries(model: LargeStructure, step: _Step, load: Array | None) -> tuple[Any, ...]:
-    """Return a row of `Equilibria` in the order of its fields; `load` None computes the load that holds the hub."""
+def _entries(model: LargeStructure, step: _Step, held: Sequence[int]) -> tuple[Any, ...]:
+    """Return a row of `Equilibria` in the order of its fields."""
     internal, state, compliance = model.internal(step.state), step.state, step.compliance
     if internal.strain > LARGEST_STRAIN:
         raise ComputationFailed(
             f"equilibrium refused: strain of {internal.strain:.2g}, expected at most {LARGEST_STRAIN:g}, above which "
             "the material law is not valid"
         )
-    if load is None:  # the nodal residual corrects the hub force for the round-off of stiff bodies
-        residual = np.append(-internal.forces[:-3], np.zeros(3))
-        load = internal.forces[-3:] - np.linalg.solve(compliance, step.solve(residual[:, None])[-3:, 0])
+    load = state.load
+    if held:  # the residual corrects the load that holds the ports for the round-off of stiff bodies
+        ports, loads = list(held), model.loads(state)
+        residual = loads @ load - internal.forces
+        moved = loads.T[ports] @ step.solve(residual[:, None])[:, 0]
+        load = load.copy()
+        load[ports] -= np.linalg.solve(compliance[np.ix_(ports, ports)], moved)
     return load, model.motions(state), state.field, internal.energy, compliance, internal.strain

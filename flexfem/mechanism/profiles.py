@@ -283,11 +283,32 @@ class Profile:
         elements agree within 2 % in moment and tension (`benchmarks/hinge_shapes.py`); transverse forces give up to
         18 % less in short notches deeper than long and between flanks at more than 90 degrees.
         """
+        x = self.sections
+        return np.asarray(
+            np.max(self.section_stress(x, wrench[..., None, :], thickness, out_of_plane, across), axis=-1)
+        )
+
+    @cached_property
+    def sections(self) -> Array:
+        """Positions (n,) on the axis between which the largest stress is searched, mm."""
         x = np.array(self.breaks)
         within = _double_exponential(max(4, STRESSED // len(x)), 3.0)[0]
-        x = np.concatenate([x, np.ravel(x[:-1, None] + np.diff(x)[:, None] * within)])
+        return np.concatenate([x, np.ravel(x[:-1, None] + np.diff(x)[:, None] * within)])
+
+    def section_stress(
+        self,
+        x: Array,
+        wrench: Array,
+        thickness: ArrayLike,
+        out_of_plane: float = 0.0,
+        across: ArrayLike = 0.0,
+    ) -> Array:
+        """Largest von Mises stress (..., n), MPa, of the sections at x (n,), as `stress`.
+
+        wrench : (..., n, 3) or (..., 1, 3), at the centre of the hinge.   thickness : (...), mm.
+        """
         K, area = self.concentration(x), np.asarray(thickness, dtype=float)[..., None] * self.height(x)
-        N, V, M = (wrench[..., k, None] for k in range(3))
+        N, V, M = (wrench[..., k] for k in range(3))
         neck = self._neck_place
         bending = 6 * ((M - V * neck) * K.bending - V * (x - neck) * K.shear) / self.height(x)
 
@@ -297,7 +318,7 @@ class Profile:
 
         edges = [von_mises((N * K.tension + side * bending) / area) for side in SIDES]
         axis = np.hypot(von_mises(N / area), MIDPLANE_SHEAR * V / area)
-        return np.asarray(np.max(np.maximum(axis, np.maximum(*edges)), axis=-1))
+        return np.asarray(np.maximum(axis, np.maximum(*edges)))
 
     def sizes(self, resolution: float) -> list[Refinement]:
         """Return points (complex, mm), triangle size, mm, there, and distance from the points up to which it holds, mm.

@@ -61,7 +61,16 @@ ROUND_OFF = 1e-9
 MOST_CORNERS = 6  # of a body that a warning lists
 BY_ELEMENTS = "stiffness or converge, by finite elements alone"
 PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
-PEAKS = ("stress", "hinge_stress", "yield_range", "yield_force", "body_stress", "body_rate", "point_stress")
+PEAKS = (
+    "stress",
+    "hinge_stress",
+    "yield_range",
+    "free_yield_range",
+    "yield_force",
+    "body_stress",
+    "body_rate",
+    "point_stress",
+)
 PLACES = ("body_x", "body_y", "yield_x", "yield_y")  # of highest stresses, which change from mesh to mesh
 # Possible errors of `Thickness`, measured on whole plates in three dimensions (`benchmarks/thickness.py`)
 OF_CONTRACTION = 0.25  # of the difference between ends of hinges that keep their thickness and that contract freely

@@ -28,6 +28,7 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid_bands, stress_bands
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
+from flexfem.questions.ranges import described, ranges
 from flexfem.questions.reach import of_mechanism, reach
 from flexfem.questions.setup import DEFAULT, ELASTIC, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
@@ -59,6 +60,17 @@ class Stiffness(Result):
         "stiffness, other directions free", "stiffness", ("model", "direction"), COARSER,
         note="1 / C_ii, of the diagonal of the compliance matrix",
     )  # fmt: skip
+    range = Quantity(
+        "range of the output until a limit", "motion", ("others", "sense", "direction"), STRESS, only="mechanism",
+        note="at finite displacements, driven along one direction from rest, the other directions held or free",
+    )  # fmt: skip
+    range_force = Quantity(
+        "force at the end of the range", "wrench", ("others", "sense", "direction"), STRESS, only="mechanism"
+    )
+    range_stress = Quantity(
+        "highest hinge stress at the end of the range", "mpa", ("others", "sense", "hinge", "direction"), STRESS, "all",
+        only="mechanism",
+    )  # fmt: skip
     stress = Quantity(
         "highest hinge stress per displacement, other directions held", "stress per motion", (*NECKS, "direction"),
         STRESS, "all",
@@ -66,6 +78,10 @@ class Stiffness(Result):
     yield_range = Quantity(
         "displacement at first yield, other directions held, linear", "motion", ("model", "direction"),
         STRESS, note="by linear theory, without stretching of hinges and buckling",
+    )  # fmt: skip
+    free_yield_range = Quantity(
+        "displacement at which the first hinge yields, other directions free, linear", "motion", ("model", "direction"),
+        STRESS,
     )  # fmt: skip
     yield_force = Quantity("force along the displacement at yield, linear", "wrench", ("model", "direction"), STRESS)
     buckling_load = Quantity(
@@ -130,6 +146,7 @@ class Summary(Result):
 
     title = "summary"
     main = ("free", {})
+    labels: ClassVar = {"others": ("held", "free"), "sense": ("positive", "negative")}
     reading = (
         "range at yield: displacement at the first yield, in a hinge or a body, others held; force at yield: force "
         "along it; both by linear theory, without stretching of hinges and buckling",
@@ -137,6 +154,13 @@ class Summary(Result):
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
     free = Quantity("stiffness, others free", "stiffness", BY_DIRECTION, COARSER)
+    range = Quantity(
+        "range of the output until a limit", "motion", ("others", "sense", "direction"), STRESS, only="mechanism",
+        note="at finite displacements, driven along one direction from rest, the other directions held or free",
+    )  # fmt: skip
+    range_force = Quantity(
+        "force at the end of the range", "wrench", ("others", "sense", "direction"), STRESS, only="mechanism"
+    )
     yield_range = Quantity("range at yield, linear, ±", "motion", BY_DIRECTION, STRESS)
     yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, STRESS)
     stress = Quantity("hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all")
@@ -260,6 +284,14 @@ def stiffness(
     if mesh is not None and "body_rate" in last:
         warnings += plates.left_out_corners(stage.layout, plates.meshed(stage, levels(mesh.resolution)[0]))
         notes.append(_first_yields(stage.layout, last))
+    widths = dict[str, Array]()
+    if stage.layout.joints and isinstance(stage, Mechanism):
+        reached = ranges(stage, mesh, found)
+        for name, which in (("range", "displacement"), ("range_force", "force")):
+            others[name] = reached.array(which)
+            widths[name] = reached.array(f"{which}_band")
+        others["range_stress"] = np.moveaxis(reached.array("stress"), -1, 2)
+        notes += described(stage.layout, reached)
     if "force" in last:
         stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
         warnings += plates.over_yield(stage, found, stress, "under this load")
@@ -271,7 +303,18 @@ def stiffness(
         }
         for where, pose in ({"under this load": last["pose"]} | poses if "pose" in last else poses).items():
             warnings += warning.of_motion(stage, pose, where)
-    return setup.answer(Stiffness, stage, found, mesh, settings, others, warnings=warnings, notes=notes, fields=fields)
+    return setup.answer(
+        Stiffness,
+        stage,
+        found,
+        mesh,
+        settings,
+        others,
+        bands=widths,
+        warnings=warnings,
+        notes=notes,
+        fields=fields,
+    )
 
 
 def _at_points(layout: Layout, stated: Mapping[str, Sequence[float]] | Sequence[str]) -> Array:
@@ -371,7 +414,9 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
     stress = np.moveaxis(response.stress(loads), 0, -1)
     highest = stress.reshape(-1, 3)
     if stress.size:
-        values["stress"] = stress
+        alone = np.diag(values["free"]) @ np.eye(3, len(C))
+        by_itself = plate.material.yield_strength / np.max(response.stress(alone).reshape(3, -1), axis=1)
+        values |= {"stress": stress, "free_yield_range": by_itself}
     if response.bodies is not None:
         found = response.bodies(loads)
         values["body_rate"] = found.highest.T
@@ -538,6 +583,7 @@ def summary(
     for target, source in zip(parts, found.internal, strict=True):
         names = source.keys() & {"free", "yield_range", "yield_force", "stress", "thickness"}
         target |= {name: np.moveaxis(source[name], -1, 0) for name in names}
+        target |= {name: source[name] for name in ("range", "range_force") if name in source}
         if "stiffness" in source:
             target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
         if isinstance(stage, Mechanism) and len(stage.layout.actuators) == 1 and "amplification" in source:

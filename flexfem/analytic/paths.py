@@ -1,0 +1,269 @@
+"""Equilibrium paths of a mechanism whose output is driven to finite displacements, and where they end.
+
+The motions of chosen ports are prescribed, and the forces that hold them follow: Newton's method on the tangent
+stiffness bordered by these ports. The nodes between the beams of a hinge are eliminated hinge by hinge. A path ends
+where a hinge yields, or where the tangent stiffness of the motions that are not prescribed is no longer positive
+definite: there the mechanism buckles. J. M. T. Thompson and G. W. Hunt, A General Theory of Elastic Stability, 1973.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from flexfem.analytic.finite import BEAMS, CLOSE, ITERATIONS, LARGEST, Beams, BeamState, FinitePlate, divided_profile
+from flexfem.arrays import Array
+from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.profiles import Profile
+from flexfem.refused import ComputationFailed
+
+STEPS = 6  # from rest to the displacement at which linear theory yields
+GROWTH = 1.25  # of the steps beyond it
+MOST_STEPS = 40
+SMALLEST_STEP = 1e-4  # of the displacement reached, beyond which no equilibrium is found
+SMALL_STEP = 1e-4  # of the displacement at which linear theory yields, for slopes at rest
+FINEST = 1e-7  # of the margin at the end of a path, and relative error of its displacement
+APART = 1e-3  # least relative distance of two displacements from which slopes are taken
+NEAR = 0.7  # of the yield strength: stress in plane stress from which that in three dimensions is computed
+YIELD, BUCKLING, NO_LIMIT = "yield", "buckling", "no limit"
+StressRatios: TypeAlias = Callable[[Array], Array]  # of wrenches (h, 3), to plane stress
+
+
+class Driven(NamedTuple):
+    """Equilibrium at prescribed motions of some ports.
+
+    unknowns : (size,), of `FinitePlate`.   forces : (k,), on the ports, N and N mm.   motions : (k,), mm and rad.
+    stress : (h,), highest von Mises stress of every hinge, MPa; in plane stress while it is far from yield.
+    softest : least eigenvalue of the tangent stiffness of the motions that are not prescribed; negative if unstable.
+    """
+
+    unknowns: Array
+    forces: Array
+    motions: Array
+    stress: Array
+    softest: float
+
+
+class PathEnd(NamedTuple):
+    """End of a path: the displacement of the driven port, mm or rad, and the force on it, N or N mm.
+
+    kind : `YIELD`, `BUCKLING` or `NO_LIMIT`.   at : the equilibrium.
+    exponents : (2,), of the force and of the highest stress as powers of the displacement near the end.
+    linear : (2,), force and highest stress per displacement at rest.
+    """
+
+    displacement: float
+    force: float
+    kind: str
+    at: Driven
+    exponents: Array
+    linear: Array
+
+
+class DrivenPlate(FinitePlate):
+    """A mechanism of beams whose ports are driven to prescribed motions, with the stress in its hinges.
+
+    hinges : compliances (h, 3, 3) at the centres of the hinges, by default those of their profiles.
+    stress_ratios : of the highest stress of the hinges to that in plane stress, by default one.
+    """
+
+    def __init__(self, layout: Layout, hinges: Array | None = None, stress_ratios: StressRatios | None = None) -> None:
+        super().__init__(layout, hinges)
+        self.layout = layout
+        self.stress_ratios = stress_ratios or (lambda wrenches: np.ones(len(wrenches)))
+        self.alike = dict[Profile, list[int]]()
+        for number, joint in enumerate(layout.joints):
+            self.alike.setdefault(joint.profile, []).append(number)
+        self.marks = {profile: divided_profile(profile, BEAMS) for profile in self.alike}
+
+    def wrenches(self, beams: Beams) -> Array:
+        """Tension, transverse force and moment (h, beams, 3) at the centre of the hinge, as of `Profile.stress`."""
+        found = np.zeros((self.hinges, BEAMS, 3))
+        tension, near, far = beams.stress.reshape(-1, BEAMS, 3).transpose(2, 0, 1)
+        bowed = tension[:, :, None] * beams.bent.reshape(-1, BEAMS, 2)  # moments of the tension of a bent beam
+        near = near + bowed[:, :, 0]
+        far = far + bowed[:, :, 1]
+        for profile, numbers in self.alike.items():
+            ends = self.marks[profile]
+            shear = -(near[numbers] + far[numbers]) / np.diff(ends)
+            found[numbers, :, 0] = tension[numbers]
+            found[numbers, :, 1] = shear
+            found[numbers, :, 2] = far[numbers] + shear * ends[1:]
+        return found
+
+    def plane_stress(self, wrenches: Array) -> Array:
+        """Highest von Mises stress (h,), MPa, in plane stress, of hinges under wrenches (h, beams, 3) of beams."""
+        found = np.zeros(self.hinges)
+        plate = self.layout.thickness, self.layout.out_of_plane
+        for profile, numbers in self.alike.items():
+            x = profile.sections
+            beam = np.clip(np.searchsorted(self.marks[profile], x, side="right") - 1, 0, BEAMS - 1)
+            found[numbers] = profile.section_stress(x, wrenches[numbers][:, beam], *plate).max(axis=-1)
+        return found
+
+    def stress(self, q: Array) -> Array:
+        """Highest von Mises stress (h,), MPa, of every hinge at unknowns q (size,)."""
+        wrenches = self.wrenches(self.deformed(q))
+        return self.plane_stress(wrenches) * self.stress_ratios(_at_centre(wrenches))
+
+    def driven(self, q: Array, f: Array, ports: Sequence[int], targets: Array) -> Driven | None:
+        """Return the equilibrium with motions (p,) of ports; None if Newton's method does not converge.
+
+        q, f : unknowns (size,) and forces on the ports (k,) to start from.
+        """
+        f, held = f.copy(), list(ports)
+        for _ in range(ITERATIONS):
+            at = self.state(q, f)
+            step, more = self._step(at, at.P[:, held], targets - at.motions[held])
+            if not np.isfinite(step).all():
+                return None
+            angle = np.abs(step[2::3]).max()
+            shift = np.abs(step.reshape(-1, 3)[:, :2]).max() / self.extent
+            share = min(1.0, LARGEST / max(angle, shift, CLOSE))
+            q = q + share * step
+            f[held] += share * more
+            if max(angle, shift) < CLOSE:
+                return self.described(q, f, held)
+        return None
+
+    def described(self, q: Array, f: Array, ports: Sequence[int]) -> Driven:
+        """Return the equilibrium at unknowns (size,) under forces (k,), of which those on some ports hold them."""
+        at = self.state(q, f)
+        inner, joined = self._by_hinges(at.K)
+        inside = np.einsum("hia,hib->ab", joined, np.linalg.solve(inner, joined), optimize=True)
+        reduced = at.K[: self.rigid, : self.rigid] - inside
+        free = np.linalg.qr(at.P[: self.rigid, list(ports)], mode="complete")[0][:, len(ports) :]
+        softest = float(np.linalg.eigvalsh(inner)[:, 0].min())
+        if free.shape[1]:
+            softest = min(softest, float(np.linalg.eigvalsh(free.T @ reduced @ free)[0]))
+        wrenches = self.wrenches(self.deformed(q))
+        stress = self.plane_stress(wrenches)
+        if stress.max() > NEAR * self.layout.yield_strength:
+            stress = stress * self.stress_ratios(_at_centre(wrenches))
+        return Driven(q, f, at.motions, stress, softest)
+
+    def _by_hinges(self, K: Array) -> tuple[Array, Array]:
+        """Tangent (h, i, i) of the nodes inside every hinge, and its columns (h, i, r) for the bodies."""
+        n, each = self.rigid, np.arange(self.hinges)
+        inner = K[n:, n:].reshape(self.hinges, 3 * (BEAMS - 1), self.hinges, -1)
+        return inner[each, :, each], K[n:, :n].reshape(self.hinges, -1, n)
+
+    def _step(self, at: BeamState, loads: Array, motion: Array) -> tuple[Array, Array]:
+        """Return the change (size,) of the unknowns that moves ports by (p,), and that of the forces (p,) on them."""
+        n, p = self.rigid, len(motion)
+        inner, joined = self._by_hinges(at.K)
+        left = at.left[n:].reshape(self.hinges, -1, 1)
+        solved = np.linalg.solve(inner, np.concatenate([joined, left], axis=2))
+        onto = np.einsum("hia,hib->ab", joined, solved, optimize=True)
+        bordered = np.zeros((n + p, n + p))
+        bordered[:n, :n] = at.K[:n, :n] - onto[:, :n]
+        bordered[:n, n:] = -loads[:n]
+        bordered[n:, :n] = loads[:n].T
+        found = np.linalg.solve(bordered, np.concatenate([at.left[:n] - onto[:, n], motion]))
+        inside = solved[:, :, n] - solved[:, :, :n] @ found[:n]
+        return np.concatenate([found[:n], inside.ravel()]), found[n:]
+
+    def end(self, port: int, held: Sequence[int], scale: float) -> PathEnd:
+        """Follow a path from rest until a hinge yields or the mechanism buckles.
+
+        port : the driven one.   held : ports whose motions stay zero.
+        scale : its displacement, mm or rad, with a sign, at which linear theory expects a hinge to yield.
+        """
+        ports = [port, *held]
+        rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
+        path, step, linear = [(0.0, rest)], scale / STEPS, self.slopes(port, held, scale)
+        for _ in range(MOST_STEPS):
+            x = path[-1][0] + step
+            after = self._continued(path, ports, x)
+            if after is None:
+                step /= 4
+                if abs(step) < SMALLEST_STEP * abs(x):
+                    return _ended(path, path[-1], port, BUCKLING, linear)
+            elif self._margin(after, rest) <= 0:
+                return self._between(path, (x, after), ports, linear)
+            else:
+                step = (x - path[-1][0]) * (GROWTH if abs(x) > abs(scale) else 1.0)
+                path = [*path[-2:], (x, after)]
+        return _ended(path, path[-1], port, NO_LIMIT, linear)
+
+    def slopes(self, port: int, held: Sequence[int], scale: float) -> Array:
+        """Return the force and the highest stress (2,) per displacement of a port at rest."""
+        ports, x = [port, *held], SMALL_STEP * scale
+        rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
+        at = self._continued([(0.0, rest)], ports, x)
+        if at is None:
+            raise ComputationFailed("no equilibrium near rest: a hinge is far stiffer than others")
+        return np.array([at.forces[port] / x, np.max(self.stress(at.unknowns)) / abs(x)])
+
+    def reached(self, port: int, held: Sequence[int], x: float) -> Driven | None:
+        """Return the equilibrium at a displacement of a port, reached in equal steps from rest; None without one."""
+        ports = [port, *held]
+        path = [(0.0, self.described(np.zeros(self.size), np.zeros(self.ports), ports))]
+        for place in x * np.arange(1, STEPS + 1) / STEPS:
+            found = self._continued(path, ports, place)
+            if found is None:
+                return None
+            path = [*path[-2:], (place, found)]
+        return path[-1][1]
+
+    def _margin(self, at: Driven, rest: Driven) -> float:
+        """Distance from the nearest limit, 1 at rest and 0 there."""
+        return min(1 - float(at.stress.max()) / self.layout.yield_strength, at.softest / rest.softest)
+
+    def _continued(self, path: Sequence[tuple[float, Driven]], ports: Sequence[int], x: float) -> Driven | None:
+        """Return the equilibrium at a displacement x, from the polynomial through others."""
+        places = np.array([place for place, _ in path])
+        weights = list[float]()
+        for number, place in enumerate(places):
+            others = np.delete(places, number)
+            weights.append(float(np.prod((x - others) / (place - others))))
+        q = np.tensordot(weights, [at.unknowns for _, at in path], axes=1)
+        f = np.tensordot(weights, [at.forces for _, at in path], axes=1)
+        return self.driven(q, f, ports, np.eye(len(ports))[0] * x)
+
+    def _between(
+        self, path: Sequence[tuple[float, Driven]], beyond: tuple[float, Driven], ports: Sequence[int], linear: Array
+    ) -> PathEnd:
+        """Return the limit between the last equilibrium of a path and one beyond it, by the Illinois method."""
+        rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
+        inside, low, high = list(path), path[-1][0], beyond[0]
+        below, above = self._margin(path[-1][1], rest), self._margin(beyond[1], rest)
+        x, at = beyond
+        for _ in range(MOST_STEPS):
+            last = x
+            x = low + (high - low) * below / (below - above)
+            found = self._continued(inside[-3:], ports, x)
+            if found is None:
+                break
+            at, margin = found, self._margin(found, rest)
+            if abs(margin) < FINEST or abs(x - last) < FINEST * abs(x):
+                break
+            if margin > 0:
+                low, below, above = x, margin, above / 2
+                inside.append((x, found))
+            else:
+                high, above, below = x, margin, below / 2
+        stressed = 1 - float(at.stress.max()) / self.layout.yield_strength
+        kind = YIELD if stressed < at.softest / rest.softest else BUCKLING
+        return _ended(path, (x, at), ports[0], kind, linear)
+
+
+def _at_centre(wrenches: Array) -> Array:
+    """Return the wrenches (h, 3) in the middle of hinges from those (h, beams, 3) of their beams."""
+    return np.asarray(wrenches[:, BEAMS // 2 - 1 : BEAMS // 2 + 1].mean(axis=1))
+
+
+def _ended(
+    path: Sequence[tuple[float, Driven]], last: tuple[float, Driven], port: int, kind: str, linear: Array
+) -> PathEnd:
+    """Return the end of a path; near it the force and the stress are powers of the displacement."""
+    x, at = last
+    earlier = [one for one in path if 0 < abs(one[0]) < (1 - APART) * abs(x)]
+    exponents = np.ones(2)
+    if earlier:
+        place, before = earlier[-1]
+        changes = [at.forces[port] / before.forces[port], at.stress.max() / before.stress.max()]
+        exponents = np.log(np.abs(changes)) / np.log(x / place)
+    return PathEnd(x, float(at.forces[port]), kind, at, exponents, linear)

@@ -1,0 +1,134 @@
+"""Range at finite displacement: guides whose leaves stretch, columns that buckle, and the elastica."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import flexfem
+from flexfem.analytic.paths import BUCKLING, YIELD, DrivenPlate
+
+E, B, T, L, STRENGTH = 70_000.0, 9.0, 0.4, 37.0, 400.0  # MPa, mm
+EI, EA = E * B * T**3 / 12, E * B * T
+SHEAR = 1e-3  # relative to the load of Euler: the shear of a leaf, and its division into eight beams
+CURVE = 2e-3  # relative: eight beams along a curve with boundary layers, and their shear
+ONE_SIDED = 0.03  # relative: shear, and the moment of tension and compression of the two leaves
+ELEMENTS = 0.02  # relative: elastic roots of leaves in a wide body
+
+
+def guide(strength=STRENGTH, sides=(1, -1), **others):
+    """A stage between leaves along y on both sides, or on one side: these stretch only if there are two sides."""
+    bodies = [{"name": "stage", "outline": [(-15, -8), (15, -8), (15, 8), (-15, 8)]}]
+    hinges = []
+    for side in sides:
+        y = side * (8 + L)
+        edge = [(-20, y), (20, y), (20, y + 9 * side), (-20, y + 9 * side)]
+        bodies.append({"name": f"ground {side}", "outline": edge[::side], "fixed": True})
+        for x in (-11, 11):
+            hinges.append(
+                {
+                    "name": f"leaf {side} {x}",
+                    "between": (f"ground {side}", "stage"),
+                    "at": (x, side * (8 + L / 2)),
+                    "direction": -side * np.pi / 2,
+                    "shape": "leaf",
+                    "neck": T,
+                    "length": L,
+                }
+            )
+    return flexfem.Mechanism(
+        name="guide",
+        thickness=B,
+        material={
+            "name": "m",
+            "youngs_modulus": E,
+            "poissons_ratio": 0.29,
+            "density": 2700.0,
+            "yield_strength": strength,
+        },
+        body=bodies,
+        hinge=hinges,
+        output={"body": "stage", "at": (0, 0)},
+        **others,
+    )
+
+
+def column(x):
+    """Transverse force, tension and end moment of a leaf between two bodies that move across it by x, mm.
+
+    A beam under tension P has the slope `c (1 - cosh(k s) / cosh(u))` with `k = sqrt(P / EI)` and `u = k L / 2`, and
+    its tension is `EA` times half the mean square of this slope.
+    """
+
+    def slope(u):
+        return x / L / (1 - np.tanh(u) / u)
+
+    def excess(u):
+        mean = 1 - 2 * np.tanh(u) / u + (1 / np.cosh(u) ** 2 + np.tanh(u) / u) / 2
+        return EA / 2 * slope(u) ** 2 * mean - EI * (2 * u / L) ** 2
+
+    u = brentq(excess, 1e-3, 60.0)
+    P = EI * (2 * u / L) ** 2
+    F = P * slope(u)
+    return F, P, F * L / 2 * np.tanh(u) / u
+
+
+def test_small_stretching_follows_the_closed_form():
+    """The curve `x (3 s^2 - 2 s^3)` is longer by `3 x^2 / 5 L`, and the tension is `EA` times this strain."""
+    x = 0.05
+    at = DrivenPlate(guide().layout).reached(0, [], x)
+    assert at.forces[0] == pytest.approx(4 * (12 * EI / L**3 * x + 18 / 25 * EA / L**3 * x**3), rel=SHEAR)
+
+
+def test_leaves_on_both_sides_stretch_and_yield_as_beams_under_tension():
+    found = flexfem.stiffness(guide(), models="analytic")
+    x, force = (
+        float(found.at(name, others="free", sense="positive", direction="x")) for name in ("range", "range_force")
+    )
+    F, P, M = column(x)
+    assert force == pytest.approx(4 * F, rel=CURVE)
+    surface = P / (B * T) + 6 * M / (B * T**2)
+    assert surface == pytest.approx(STRENGTH, rel=CURVE)
+    assert x < 0.5 * STRENGTH * L**2 / (3 * E * T)  # of leaves that do not stretch
+    assert found.at("range", others="held", sense="negative", direction="x") == pytest.approx(-x, rel=1e-6)
+    assert any("yield of hinge" in note and "+x (free)" in note for note in found.notes)
+
+
+def test_leaves_on_one_side_do_not_stretch_and_linear_theory_nearly_holds():
+    found = flexfem.stiffness(guide(strength=40.0, sides=(1,)), models="analytic")
+    reached = float(found.at("range", others="free", sense="positive", direction="x"))
+    assert reached == pytest.approx(40.0 * L**2 / (3 * E * T), rel=ONE_SIDED)
+
+
+@pytest.mark.parametrize(("held", "factor"), [((), 0.25), ((0, 2), 4.0), ((2,), 1.0)])
+def test_a_pushed_leaf_ends_at_eulers_load(held, factor):
+    """Driven towards its root: free at the other end, clamped there, and guided."""
+    single = guide(strength=4000.0, sides=(1,))
+    hinges = [single.hinge[0].model_copy(update={"at": (0.0, 8 + L / 2)})]
+    alone = single.model_copy(
+        update={"hinge": tuple(hinges), "output": single.output.model_copy(update={"at": (0.0, 8.0)})}
+    )
+    end = DrivenPlate(alone.layout).end(1, held, 0.4)
+    assert end.kind == BUCKLING
+    assert end.force == pytest.approx(factor * np.pi**2 * EI / L**2, rel=3 * SHEAR)
+
+
+def test_a_moment_at_the_end_of_a_leaf_yields_it_on_an_arc():
+    """With the others free a pure moment bends a leaf to a circle: `M = E I theta / L`, `sigma = E T theta / 2 L`."""
+    single = guide(strength=400.0, sides=(1,))
+    alone = single.model_copy(update={"hinge": single.hinge[:1]})
+    end = DrivenPlate(alone.layout).end(2, (), 1.0)
+    assert end.kind == YIELD
+    assert end.displacement == pytest.approx(2 * 400.0 * L / (E * T), rel=1e-5)
+    assert end.force == pytest.approx(EI * end.displacement / L, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_finite_elements_find_the_range_of_stretching_leaves():
+    found = flexfem.stiffness(guide(), plane=True, resolution=6)
+    at = {"others": "free", "sense": "positive", "direction": "x"}
+    x, band = float(found.at("range", **at)), float(found.band("range", **at))
+    F, P, M = column(x)
+    surface = P / (B * T) + 6 * M / (B * T**2)
+    assert surface == pytest.approx(STRENGTH, rel=0.05)
+    assert float(found.at("range_force", **at)) == pytest.approx(4 * F, rel=ELEMENTS)
+    assert 0 < band < 0.1 * x
