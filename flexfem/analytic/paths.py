@@ -31,7 +31,7 @@ YIELD, BUCKLING, NO_LIMIT = "yield", "buckling", "no limit"
 StressRatios: TypeAlias = Callable[[Array], Array]  # of wrenches (h, 3), to plane stress
 
 
-class Driven(NamedTuple):
+class PathPoint(NamedTuple):
     """Equilibrium at prescribed motions of some ports.
 
     unknowns : (size,), of `FinitePlate`.   forces : (k,), on the ports, N and N mm.   motions : (k,), mm and rad.
@@ -46,6 +46,9 @@ class Driven(NamedTuple):
     softest: float
 
 
+Placed: TypeAlias = tuple[float, PathPoint]  # at a displacement of the driven port
+
+
 class PathEnd(NamedTuple):
     """End of a path: the displacement of the driven port, mm or rad, and the force on it, N or N mm.
 
@@ -57,7 +60,7 @@ class PathEnd(NamedTuple):
     displacement: float
     force: float
     kind: str
-    at: Driven
+    at: PathPoint
     exponents: Array
     linear: Array
 
@@ -108,7 +111,7 @@ class DrivenPlate(FinitePlate):
         wrenches = self.wrenches(self.deformed(q))
         return self.plane_stress(wrenches) * self.stress_ratios(_at_centre(wrenches))
 
-    def driven(self, q: Array, f: Array, ports: Sequence[int], targets: Array) -> Driven | None:
+    def driven(self, q: Array, f: Array, ports: Sequence[int], targets: Array) -> PathPoint | None:
         """Return the equilibrium with motions (p,) of ports; None if Newton's method does not converge.
 
         q, f : unknowns (size,) and forces on the ports (k,) to start from.
@@ -128,7 +131,7 @@ class DrivenPlate(FinitePlate):
                 return self.described(q, f, held)
         return None
 
-    def described(self, q: Array, f: Array, ports: Sequence[int]) -> Driven:
+    def described(self, q: Array, f: Array, ports: Sequence[int]) -> PathPoint:
         """Return the equilibrium at unknowns (size,) under forces (k,), of which those on some ports hold them."""
         at = self.state(q, f)
         inner, joined = self._by_hinges(at.K)
@@ -142,7 +145,7 @@ class DrivenPlate(FinitePlate):
         stress = self.plane_stress(wrenches)
         if stress.max() > NEAR * self.layout.yield_strength:
             stress = stress * self.stress_ratios(_at_centre(wrenches))
-        return Driven(q, f, at.motions, stress, softest)
+        return PathPoint(q, f, at.motions, stress, softest)
 
     def _by_hinges(self, K: Array) -> tuple[Array, Array]:
         """Tangent (h, i, i) of the nodes inside every hinge, and its columns (h, i, r) for the bodies."""
@@ -197,7 +200,7 @@ class DrivenPlate(FinitePlate):
             raise ComputationFailed("no equilibrium near rest: a hinge is far stiffer than others")
         return np.array([at.forces[port] / x, np.max(self.stress(at.unknowns)) / abs(x)])
 
-    def reached(self, port: int, held: Sequence[int], x: float) -> Driven | None:
+    def reached(self, port: int, held: Sequence[int], x: float) -> PathPoint | None:
         """Return the equilibrium at a displacement of a port, reached in equal steps from rest; None without one."""
         ports = [port, *held]
         path = [(0.0, self.described(np.zeros(self.size), np.zeros(self.ports), ports))]
@@ -208,11 +211,11 @@ class DrivenPlate(FinitePlate):
             path = [*path[-2:], (place, found)]
         return path[-1][1]
 
-    def _margin(self, at: Driven, rest: Driven) -> float:
+    def _margin(self, at: PathPoint, rest: PathPoint) -> float:
         """Distance from the nearest limit, 1 at rest and 0 there."""
         return min(1 - float(at.stress.max()) / self.layout.yield_strength, at.softest / rest.softest)
 
-    def _continued(self, path: Sequence[tuple[float, Driven]], ports: Sequence[int], x: float) -> Driven | None:
+    def _continued(self, path: Sequence[Placed], ports: Sequence[int], x: float) -> PathPoint | None:
         """Return the equilibrium at a displacement x, from the polynomial through others."""
         places = np.array([place for place, _ in path])
         weights = list[float]()
@@ -224,7 +227,11 @@ class DrivenPlate(FinitePlate):
         return self.driven(q, f, ports, np.eye(len(ports))[0] * x)
 
     def _between(
-        self, path: Sequence[tuple[float, Driven]], beyond: tuple[float, Driven], ports: Sequence[int], linear: Array
+        self,
+        path: Sequence[Placed],
+        beyond: Placed,
+        ports: Sequence[int],
+        linear: Array,
     ) -> PathEnd:
         """Return the limit between the last equilibrium of a path and one beyond it, by the Illinois method."""
         rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
@@ -255,9 +262,7 @@ def _at_centre(wrenches: Array) -> Array:
     return np.asarray(wrenches[:, BEAMS // 2 - 1 : BEAMS // 2 + 1].mean(axis=1))
 
 
-def _ended(
-    path: Sequence[tuple[float, Driven]], last: tuple[float, Driven], port: int, kind: str, linear: Array
-) -> PathEnd:
+def _ended(path: Sequence[Placed], last: Placed, port: int, kind: str, linear: Array) -> PathEnd:
     """Return the end of a path; near it the force and the stress are powers of the displacement."""
     x, at = last
     earlier = [one for one in path if 0 < abs(one[0]) < (1 - APART) * abs(x)]

@@ -26,7 +26,7 @@ from flexfem.refused import ComputationFailed
 from flexfem.units import DIRECTIONS
 
 SENSES = (1.0, -1.0)
-SYMMETRIC = 1e-8  # of a displacement: smaller motions across it are zero, and nothing needs to hold them
+SYMMETRIC = 1e-4  # of a displacement: smaller motions across it come from meshes, and nothing needs to hold them
 ALIKE = 1e-3  # relative difference, by the meshes of hinges, of two ends of beams that are one by symmetry
 HOLDS = 0.5  # of the band of the linear range: linear theory holds if beams change it by less
 OF_THE_THICKNESS = 0.25  # possible error of the effect of the thickness on the ratios to linear theory
@@ -37,7 +37,7 @@ CLOSE = 0.06  # of a displacement: a larger step is followed by other finite ele
 OF_THE_STEP = 0.1  # of the step from the displacement of finite elements to the limit, by powers
 
 
-class End(NamedTuple):
+class RangeEnd(NamedTuple):
     """End of a range with its bands: displacement, mm or rad, and force, N or N mm, along one sense of a direction.
 
     hinge : number of the hinge with the highest stress.   linear : whether the numbers are those of linear theory.
@@ -63,7 +63,7 @@ class _Linear(NamedTuple):
 class Ranges(NamedTuple):
     """Ends by (others held or free, sense, direction)."""
 
-    ends: dict[tuple[int, int, int], End]
+    ends: dict[tuple[int, int, int], RangeEnd]
 
     def array(self, name: str) -> Array:
         """Return a number of all ends (2, 2, 3, ...)."""
@@ -91,7 +91,7 @@ def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAns
     if thickness:
         beams = DrivenPlate(layout, thickness[0].solid.hinges, thickness[0].stress_ratios)
     last = list(found.values())[-1]
-    ends, known = dict[tuple[int, int, int], End](), list[tuple[tuple[PathEnd, int], End]]()
+    ends, known = dict[tuple[int, int, int], RangeEnd](), list[tuple[tuple[PathEnd, int], RangeEnd]]()
     for axis, sense in product(range(3), range(2)):
         others = [port for port in range(3) if port != axis]
         free = beams_end = None
@@ -126,6 +126,16 @@ def described(layout: Layout, found: Ranges) -> list[str]:
     return [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
 
 
+def yielding_bodies(last: ModelAnswer, strength: float) -> list[str]:
+    """Warn of directions along which a body yields before the hinges by linear theory, which no range contains."""
+    if "body_rate" not in last.values:
+        return []
+    before = last.values["yield_range"] < (1 - OF_THE_PEAK) * strength / np.max(last.values["stress"], axis=0)
+    named = ", ".join(direction for direction, first in zip(DIRECTIONS, before, strict=True) if first)
+    text = f"in {named}, a body yields before the hinges by linear theory, others held: the range is that of hinges"
+    return [text] * bool(named)
+
+
 def _nothing_to_hold(end: PathEnd, others: Sequence[int], lever: float) -> bool:
     """Whether the output moves along its direction by itself until a hinge yields."""
     motions = np.abs(end.at.motions[others]) * [lever if port == 2 else 1.0 for port in others]
@@ -152,7 +162,7 @@ def _alike(known: tuple[PathEnd, int], end: PathEnd, axis: int) -> bool:
     return bool(np.all(np.abs(first - second) < ALIKE * second))
 
 
-def _turned(known: End, end: PathEnd) -> End:
+def _turned(known: RangeEnd, end: PathEnd) -> RangeEnd:
     """Return an end that is the image of a known one."""
     sign = np.sign(end.displacement)
     stress = end.at.stress * known.stress.max() / end.at.stress.max()
@@ -172,14 +182,14 @@ def _checked(
     driven_ports: tuple[int, Sequence[int]],
     plane: DrivenPlate,
     beams: DrivenPlate,
-) -> End:
+) -> RangeEnd:
     """Return an end of beams, with bands and checked by finite elements if there is a mesh."""
     stress = end.at.stress
     hinge = int(np.argmax(stress))
     if end.kind == NO_LIMIT:
-        return End(np.nan, np.nan, np.nan, np.nan, NO_LIMIT, hinge, np.full(len(stress), np.nan))
+        return RangeEnd(np.nan, np.nan, np.nan, np.nan, NO_LIMIT, hinge, np.full(len(stress), np.nan))
     if mesh is None:
-        return End(end.displacement, end.force, np.nan, np.nan, end.kind, hinge, stress)
+        return RangeEnd(end.displacement, end.force, np.nan, np.nan, end.kind, hinge, stress)
     if end.kind == BUCKLING:
         return _of_buckling(end, linear)
     strength = mechanism.layout.yield_strength
@@ -190,7 +200,9 @@ def _checked(
         x = strength / linear.slopes[1]
         force = linear.slopes[0] * x
         width = linear.bands[1] + change
-        return End(sign * x, sign * force, x * width, force * (width + linear.bands[0]), YIELD, hinge, stress, True)
+        return RangeEnd(
+            sign * x, sign * force, x * width, force * (width + linear.bands[0]), YIELD, hinge, stress, True
+        )
     x = end.displacement
     for _ in range(MOST_CHECKS):
         ratios, spread, peaks = _ratios(mechanism, mesh, x, driven_ports, plane, beams)
@@ -204,15 +216,15 @@ def _checked(
     x, force = x * step, force * step ** end.exponents[0]
     band = abs(end.exponents[0]) * width + widths[0]
     peaks = peaks * strength / peaks.max()
-    return End(x, sign * force, abs(x) * width, force * band, YIELD, int(np.argmax(peaks)), peaks)
+    return RangeEnd(x, sign * force, abs(x) * width, force * band, YIELD, int(np.argmax(peaks)), peaks)
 
 
-def _of_buckling(end: PathEnd, linear: _Linear) -> End:
+def _of_buckling(end: PathEnd, linear: _Linear) -> RangeEnd:
     """Return where beams buckle; they lack the compliance of bodies, which is seen in the stiffness at rest."""
     softer = linear.slopes[0] / end.linear[0]
     band = abs(1 - softer) + linear.bands[0]
     x = end.displacement / softer
-    return End(
+    return RangeEnd(
         x,
         end.force,
         abs(x) * (band + linear.bands[0]),

@@ -28,7 +28,7 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid_bands, stress_bands
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
-from flexfem.questions.ranges import described, ranges
+from flexfem.questions.ranges import described, ranges, yielding_bodies
 from flexfem.questions.reach import of_mechanism, reach
 from flexfem.questions.setup import DEFAULT, ELASTIC, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
@@ -292,6 +292,7 @@ def stiffness(
             widths[name] = reached.array(f"{which}_band")
         others["range_stress"] = np.moveaxis(reached.array("stress"), -1, 2)
         notes += described(stage.layout, reached)
+        warnings += yielding_bodies(list(found.values())[-1], stage.material.yield_strength)
     if "force" in last:
         stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
         warnings += plates.over_yield(stage, found, stress, "under this load")
