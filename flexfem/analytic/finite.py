@@ -39,11 +39,13 @@ class FiniteResponse(NamedTuple):
     motions : (s, k), displacements and rotations of the ports, mm and rad; of an actuator along its line at rest.
     compliance : (s, k, k), tangent compliance between the ports.
     stable : (s,), whether the equilibrium is stable under dead loads.
+    loads : (s, k), on the ports, N and N mm.
     """
 
     motions: Array
     compliance: Array
     stable: Array
+    loads: Array
 
 
 def beam_stiffness(profile: Profile, marks: Array, E: float, nu: float, thickness: float) -> Array:
@@ -228,7 +230,7 @@ def displaced(layout: Layout, loads: Array) -> FiniteResponse:
     ComputationFailed: a body can move without load, or there is no equilibrium near the one before: the mechanism
         buckles, or a load is far too large.
     """
-    plate, found = FinitePlate(layout), list[tuple[Array, Array, bool]]()
+    plate, found = FinitePlate(layout), list[tuple[Array, Array, bool, Array]]()
     q, f = np.zeros(plate.size), np.zeros(plate.ports)
     for target in np.asarray(loads, dtype=float):
         done, share = 0.0, 1.0
@@ -241,7 +243,8 @@ def displaced(layout: Layout, loads: Array) -> FiniteResponse:
                 asked = f"the load was to grow to {_said(layout, loads[-1])}"
                 raise ComputationFailed(f"no equilibrium beyond {last}: {asked}, expected a smaller one")
         f, at = target, plate.state(q, target)
-        found.append((at.motions, at.P.T @ np.linalg.solve(at.K, at.P), bool(np.linalg.eigvalsh(at.K)[0] > 0)))
+        stable = bool(np.linalg.eigvalsh(at.K)[0] > 0)
+        found.append((at.motions, at.P.T @ np.linalg.solve(at.K, at.P), stable, target))
     return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))
 
 

@@ -13,7 +13,17 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.finite import BEAMS, CLOSE, ITERATIONS, LARGEST, Beams, BeamState, FinitePlate, divided_profile
+from flexfem.analytic.finite import (
+    BEAMS,
+    CLOSE,
+    ITERATIONS,
+    LARGEST,
+    Beams,
+    BeamState,
+    FinitePlate,
+    FiniteResponse,
+    divided_profile,
+)
 from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.profiles import Profile
@@ -255,6 +265,23 @@ class DrivenPlate(FinitePlate):
         stressed = 1 - float(at.stress.max()) / self.layout.yield_strength
         kind = YIELD if stressed < at.softest / rest.softest else BUCKLING
         return _ended(path, (x, at), ports[0], kind, linear)
+
+
+def driven_along(layout: Layout, port: int, motions: Array) -> FiniteResponse:
+    """Return the equilibria with a port driven to motions (s,), mm or rad, of growing size; the others are free.
+
+    Raises ComputationFailed where there is no equilibrium near the one before.
+    """
+    plate, found = DrivenPlate(layout), list[tuple[Array, Array, bool, Array]]()
+    for x in motions:
+        reached = plate.reached(port, [], float(x))
+        if reached is None:
+            label = layout.ports[port].label
+            raise ComputationFailed(f"no equilibrium with {label} driven to {x:.4g} {'rad' if port == 2 else 'mm'}")
+        at = plate.state(reached.unknowns, reached.forces)
+        compliance = at.P.T @ np.linalg.solve(at.K, at.P)
+        found.append((reached.motions, compliance, reached.softest > 0, reached.forces))
+    return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))
 
 
 def _at_centre(wrenches: Array) -> Array:

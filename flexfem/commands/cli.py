@@ -251,6 +251,8 @@ def _option(name: str, hint: Any, text: str) -> Any:
             try:
                 found = [in_unit(*each) for each in zip([given] if count == 1 else given, units, strict=True)]
             except ValueError as error:
+                if "str" in str(hint):  # the function takes texts with other units, too
+                    return given
                 raise typer.BadParameter(str(error)) from None
             return found[0] if count == 1 else tuple(found)
 
@@ -280,7 +282,8 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
             value = given[parameter.name]
             arguments[parameter.name] = parameter.default if value == [] else value
             stated = given[parameter.name] not in (None, parameter.default)
-            if stated and MEASURED.get(parameter.name) is POSES and "stage" in arguments:
+            motion = MEASURED.get(parameter.name) is POSES and not isinstance(given.get(parameter.name), str)
+            if stated and motion and "stage" in arguments:
                 _check_size(parameter.name, given[parameter.name], arguments["stage"])
     pause = streams.EVERY if name in STUDY else 0.0
     with streams.working("study" if pause else name, pause) if "progress" in hints else nullcontext() as say:

@@ -66,12 +66,14 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
 
 class State(NamedTuple):
     """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2, 2, q), MPa, for the
-    tangent: before convergence it differs from the stress of the displacements. Load (k,), N and N mm."""
+    tangent: before convergence it differs from the stress of the displacements. Load (k,), N and N mm. Turn of every
+    contact (c,), rad, which continues beyond half a turn."""
 
     pose: Array
     field: Array
     stress: list[Array]
     load: Array
+    turn: Array
 
 
 class InternalForces(NamedTuple):
@@ -105,12 +107,17 @@ class Contacts(NamedTuple):
         rates = 1 / turned
         return numbers, turned, self.arm * turned / np.abs(turned), np.stack([rates.real, rates.imag], axis=1)
 
-    def motions(self, unknowns: Array) -> Array:
-        """Displacements and rotations (k,) of the ports, mm and rad."""
-        numbers, turned, arm, _ = self._motion(unknowns)
+    def motions(self, unknowns: Array, near: Array) -> Array:
+        """Displacements and rotations (k,) of the ports, mm and rad; the rotations as those of `turns`."""
+        numbers, _, arm, _ = self._motion(unknowns)
         moved = numbers[:, 0] + 1j * numbers[:, 1] + arm - self.arm * (1 + 1j * numbers[:, 2])
-        motion = np.stack([moved.real, moved.imag, np.angle(turned)], axis=1)
+        motion = np.stack([moved.real, moved.imag, self.turns(unknowns, near)], axis=1)
         return np.asarray(np.einsum("kca,ca->k", self.wrenches, motion))
+
+    def turns(self, unknowns: Array, near: Array) -> Array:
+        """Rotations (c,) of the parts, rad, that are nearest to given ones."""
+        angle = np.angle(self._motion(unknowns)[1])
+        return np.asarray(angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi)))
 
     def loads(self, unknowns: Array) -> Array:
         """Loads (size, k) of unit loads on the ports: derivatives of the motions."""
@@ -173,7 +180,7 @@ class LargeStructure:
 
     def motions(self, state: State) -> Array:
         """Displacements and rotations (k,) where loads act, mm and rad: the pose of the hub or those of the ports."""
-        return self.contacts.motions(self._unknowns(state)) if self.contacts else state.pose
+        return self.contacts.motions(self._unknowns(state), state.turn) if self.contacts else state.pose
 
     def loads(self, state: State) -> Array:
         """Loads (size, k) on the unknowns by unit loads."""
@@ -204,7 +211,8 @@ class LargeStructure:
         field = field.copy()
         field[self.structure.hub] = self.hub_motion(pose)[0]
         stress = [stress_tensor(self.structure.plate, green_lagrange(H)) for H in self._slopes(field)]
-        return State(pose, field, stress, np.zeros(len(self.contacts.wrenches) if self.contacts else 3))
+        ports = len(self.contacts.wrenches) if self.contacts else 3
+        return State(pose, field, stress, np.zeros(ports), np.zeros(len(self.contacts.arm) if self.contacts else 0))
 
     def _slopes(self, field: Array) -> list[Array]:
         return [batch.slopes(self.structure.line, field[None])[0] for batch in self.structure.batches]
@@ -403,7 +411,8 @@ def _step(model: LargeStructure, state: State, goal: Array, held: Sequence[int])
         rate = (half + np.swapaxes(half, -3, -2)) / 2
         stress.append(stress_tensor(structure.plate, green_lagrange(slopes) + rate))
     size = float(np.sqrt(abs(change @ residual)))
-    state = State(pose, moved, stress, load)
+    turn = model.contacts.turns(moved[structure.free].ravel(), state.turn) if model.contacts else state.turn
+    state = State(pose, moved, stress, load, turn)
     return _Step(state, size, internal.energy, float(largest), loads.T @ unit, solve)
 
 

@@ -9,6 +9,7 @@ A mechanism is under growing dead loads, with finite rotations: analytic network
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -18,10 +19,11 @@ from flexfem.analytic.finite import displaced
 from flexfem.analytic.large import at_pose, axis_poses, linear_errors, outwards, summed_loads
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
+from flexfem.analytic.paths import driven_along
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.nonlinear import equilibria, equilibrium, imposed
+from flexfem.fem.nonlinear import Equilibria, driven, equilibria, equilibrium, imposed
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
@@ -31,8 +33,9 @@ from flexfem.questions.bands import corner_bands, levels, percentages
 from flexfem.questions.plates import ON_MESHES, PEAK, model_of
 from flexfem.questions.plates import solved as solved_plate
 from flexfem.questions.setup import Mesh, about, answer, for_mechanisms, mesh_of, meshed, on_meshes, solved
+from flexfem.refused import BadInput
 from flexfem.results import SOLVED, Gate, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, PLANES
+from flexfem.units import DIRECTIONS, PLANES, UNITS, in_unit
 
 AMPLITUDE = 0.5  # mm: ten times the workspace that examples/claims.py assumes
 ROTATION = 0.02  # rad of rotation per mm of translation: 10 mrad with 500 um
@@ -40,6 +43,7 @@ RESOLUTION = 4  # with 8, compliances change by up to 0.09 % and the percentages
 STEPS = 20  # commands on either side of rest
 ELEMENT_STEPS = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # steps at which finite elements are solved
 STATED = np.array([-20, -2, 2, 20])  # steps at which numbers are stated: a tenth of the amplitude and all of it
+ROUND_OFF = 1e-12  # of the largest eigenvalue of a compliance, where motions of ports depend on each other
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
 AMPLITUDES = (1e-9, 1e3)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
 WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
@@ -98,6 +102,10 @@ class MechanismLarge(Result):
         "the rotation is that of the rigid motion nearest to the motion of the contact",
     )
     force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
+    driving = Quantity(
+        "force that drives the output", "wrench", ("load", "theory", "direction"), ON_MESHES, "wrench",
+        note="with the output driven by the amplitude along one direction, the others free",
+    )  # fmt: skip
     pose = Quantity("displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose")
     stiffness = Quantity(
         "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), ON_MESHES
@@ -109,7 +117,7 @@ class MechanismLarge(Result):
 def large(
     stage: Stage | Mechanism,
     *,
-    amplitude: float = AMPLITUDE,
+    amplitude: float | str = AMPLITUDE,
     force: tuple[float, float, float] | None = None,
     models: Literal["both", "analytic"] = "both",
     resolution: int | None = None,
@@ -119,10 +127,11 @@ def large(
 
     Parameters
     ----------
-    amplitude : float
-        Largest displacement in X and Y, mm; in theta 0.02 rad for every mm.
+    amplitude : float or str
+        Largest displacement in X and Y, mm; in theta 0.02 rad for every mm. The output of a mechanism is driven by it
+        along its softest translation, or turned by an angle with its unit, such as "5deg".
     force : tuple of float, optional
-        Largest load on the output of a mechanism, N and N mm, instead of one that moves it by the amplitude.
+        Largest load on the output of a mechanism, N and N mm, instead of the amplitude.
     models : {"both", "analytic"}
         "both" adds nonlinear finite elements to the pseudo-rigid stage.
     resolution : int, optional
@@ -139,6 +148,8 @@ def large(
     mesh = mesh_of(stage, models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION)
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, force, amplitude, mesh, progress)
+    if isinstance(amplitude, str):
+        amplitude = _length(amplitude)
     largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, ROTATION])
     model, paper, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
     elements = None if mesh is None else solved(stage, mesh.resolution)
@@ -174,53 +185,94 @@ def large(
 def _of_mechanism(
     mechanism: Mechanism,
     force: tuple[float, float, float] | None,
-    amplitude: float,
+    amplitude: float | str,
     mesh: Mesh | None,
     progress: Progress | None,
 ) -> MechanismLarge:
-    """Return the displacements under a load, or under one along the softest translation that moves by an amplitude."""
+    """Return the displacements under a load, or driven by an amplitude along the softest translation or about theta."""
     layout = mechanism.layout
     if layout.joints:
         C = respond(layout).compliance
     else:
         assert mesh is not None
         C = solved_plate(mechanism, mesh.resolution).compliance
+    shares = np.array(SHARES)
+    port, loads = 0, np.zeros((len(SHARES), len(C)))
     if force is None:
-        size = arguments.between("amplitude", amplitude, 1e-6, 1e4, " mm")
-        softest = int(np.argmax(np.diag(C)[:2]))
-        load = np.zeros(3)
-        load[softest] = size / C[softest, softest]
+        port, size = _commanded(amplitude, C)
+        motions = size * shares
+        loads[:, port] = motions / C[port, port]
     else:
-        load = arguments.forces("force", force, 1)
-    loads = np.zeros((len(SHARES), len(C)))
-    loads[:, :3] = np.outer(SHARES, load)
-    poses = [loads @ C[:, :3]]
+        loads[:, :3] = np.outer(shares, arguments.forces("force", force, 1))
+    poses, drives = [loads @ C[:, :3]], [loads[:, :3]]
     tangents: list[Array] = [np.broadcast_to(C, (len(loads), *C.shape))]
     stable, theories = True, [LINEAR]
     if layout.joints:
-        found = displaced(layout, loads)
+        found = displaced(layout, loads) if force is not None else driven_along(layout, port, motions)
         poses.append(found.motions[:, :3])
+        drives.append(found.loads[:, :3])
         tangents.append(found.compliance)
         stable = bool(np.all(found.stable))
         theories.append(BEAMS)
-    values, bands = {"force": loads[:, :3]}, dict[str, Array]()
+    values, bands = dict[str, Any](), dict[str, Array]()
     if mesh is not None:
         steps = levels(mesh.resolution)
-        each = on_meshes(steps, lambda level: equilibria(model_of(mechanism, level), loads), progress)
+
+        def of_level(level: int) -> Equilibria:
+            model = model_of(mechanism, level)
+            return equilibria(model, loads) if force is not None else driven(model, [port], motions[:, None])
+
+        each = on_meshes(steps, of_level, progress)
         poses.append(each[-1].pose[:, :3])
+        drives.append(each[-1].load[:, :3])
         tangents.append(each[-1].compliance)
         values["strain"] = each[-1].strain
         theories.append(ELEMENTS)
         sizes = np.array(steps, dtype=float)
         alike = {"pose": [one.pose[:, :3] for one in each], "stiffness": [_along(one.compliance) for one in each]}
+        if force is None:
+            alike["driving"] = [one.load[:, :3] for one in each]
         for name, parts in alike.items():
             bands[name] = np.full((len(SHARES), len(theories), 3), np.nan)
             bands[name][:, -1] = corner_bands(sizes, np.array(parts))
+    if force is None:
+        values["driving"] = np.stack(drives, axis=1)
+    else:
+        values["force"] = loads[:, :3]
     values |= {"pose": np.stack(poses, axis=1), "stiffness": np.stack([_along(one) for one in tangents], axis=1)}
-    stable = stable and np.linalg.eigvalsh(tangents[-1])[:, 0].min() > 0
+    ends = np.linalg.eigvalsh(tangents[-1])
+    stable = stable and bool(np.all(ends[:, 0] > -ROUND_OFF * ends[:, -1]))
     warnings = [] if stable else ["an equilibrium is not stable under dead loads"]
     labels = {"theory": theories}
     return answer(MechanismLarge, mechanism, {}, mesh, {}, values, labels, bands, warnings=warnings)
+
+
+def _commanded(amplitude: float | str, compliance: Array) -> tuple[int, float]:
+    """Return the port and the displacement, mm or rad, of an amplitude: an angle, or a length of the softest port."""
+    if isinstance(amplitude, str) and not _is_length(amplitude):
+        try:
+            angle = in_unit(amplitude, UNITS["rad"])
+        except ValueError:
+            expected = "expected a length or an angle with its unit, such as 3mm or 5deg"
+            raise BadInput(f"amplitude {amplitude!r}, {expected}") from None
+        return 2, arguments.between("amplitude", angle, 1e-9, 10.0, " rad")
+    size = _length(amplitude) if isinstance(amplitude, str) else amplitude
+    return int(np.argmax(np.diag(compliance)[:2])), arguments.between("amplitude", size, 1e-6, 1e4, " mm")
+
+
+def _is_length(text: str) -> bool:
+    with suppress(ValueError):
+        in_unit(text, UNITS["mm"])
+        return True
+    return False
+
+
+def _length(text: str) -> float:
+    """Return a length, mm, with its unit."""
+    try:
+        return in_unit(text, UNITS["mm"])
+    except ValueError as error:
+        raise BadInput(f"amplitude {error}") from None
 
 
 def _along(compliance: Array) -> Array:
