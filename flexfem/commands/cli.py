@@ -244,6 +244,7 @@ def _option(name: str, hint: Any, text: str) -> Any:
     more, count = dict[str, Any](), str(hint).count("float")
     if count and name in MEASURED:
         units = MEASURED[name][:count]
+        is_read_by_function = "str" in str(hint)  # texts with units of other quantities
 
         def numbers(given: Any) -> Any:
             if given is None:
@@ -251,7 +252,7 @@ def _option(name: str, hint: Any, text: str) -> Any:
             try:
                 found = [in_unit(*each) for each in zip([given] if count == 1 else given, units, strict=True)]
             except ValueError as error:
-                if "str" in str(hint):  # the function takes texts with other units, too
+                if is_read_by_function:
                     return given
                 raise typer.BadParameter(str(error)) from None
             return found[0] if count == 1 else tuple(found)
