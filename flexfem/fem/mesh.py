@@ -78,11 +78,11 @@ class TooManyTriangles(ComputationFailed):
 
 
 class PoorTriangles(ComputationFailed):
-    """Triangles whose scaled Jacobian is too small; `triangles` are their indices."""
+    """Triangles whose scaled Jacobian is too small, with `corners` (n, 3, 2), mm."""
 
-    def __init__(self, text: str, triangles: Index) -> None:
+    def __init__(self, text: str, corners: Array) -> None:
         super().__init__(text)
-        self.triangles = triangles
+        self.corners = corners
 
 
 @brief
@@ -156,7 +156,7 @@ def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
         x, y = mesh.nodes[mesh.triangles[np.argmin(quality), :3]].mean(axis=0)
         bad = f"a scaled Jacobian of {quality.min():.3g} near ({x:.6g}, {y:.6g}) mm, expected > {LEAST_JACOBIAN:g}"
         text = f"mesh has {bad}: do two corners of an outline nearly coincide there?"
-        raise PoorTriangles(text, np.flatnonzero(quality < LEAST_JACOBIAN))
+        raise PoorTriangles(text, mesh.nodes[mesh.triangles[quality < LEAST_JACOBIAN, :3]])
 
 
 def jacobians(mesh: StageMesh) -> Array:

@@ -26,7 +26,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray
 from flexfem.mechanism.layout import Move
-from flexfem.mechanism.outlines import GAUSS, Face, Segment, area, reverse
+from flexfem.mechanism.outlines import Face, Segment, area, reverse
 from flexfem.mechanism.profiles import Bezier, Curve
 from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command
@@ -38,8 +38,6 @@ LONGEST_TURN = 2.5  # rad, of an arc of a contour
 DIVIDING = "dividing"  # label of lines between sectors, or halves, of parts that a symmetry takes into themselves
 SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
 POLL = 0.25  # s between two polls of a process
-EXACT = ("Line", "Circle", "Ellipse")  # curves around faces whose area OpenCASCADE gives exactly
-PIECES = 100  # of a curve, each with the points of GAUSS, for the area of a face
 LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
 MOST_KEPT = 10_000_000  # bytes of meshes; after a larger result the process ends to free its memory
 OPTIONS = {
@@ -357,31 +355,8 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
             field.setNumbers(sizes[-1], "SurfacesList", part)
         if job.moves:
             _repeat(gmsh.model, job.moves)
-        areas = np.array([sum(_area(gmsh.model, tag) for tag in part) for part in faces])
+        areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in faces])
         return {**_meshed(gmsh.model.mesh, job.divisions, sizes, curves, faces), "areas": areas}
-
-
-def _area(model: Any, face: int) -> float:
-    """Return the area of a face, mm^2, from `(x dy - y dx) / 2` around it where splines bound it.
-
-    OpenCASCADE integrates too few points of a spline: it is 1 to 6 % off where the curvature changes rapidly.
-    """
-    walks = list(_walks(model, face))
-    if all(model.getType(1, tag) in EXACT for walk in walks for tag, _ in walk):
-        return float(model.occ.getMass(2, face))
-    enclosed = [abs(sum(_swept(model, tag) * (1 if forwards else -1) for tag, forwards in walk)) for walk in walks]
-    return 2 * max(enclosed) - sum(enclosed)
-
-
-def _swept(model: Any, tag: int) -> float:
-    """Return the integral of `(x dy - y dx) / 2` along a curve, mm^2."""
-    (low,), (high,) = model.getParametrizationBounds(1, tag)
-    half = (high - low) / 2 / PIECES
-    points, weights = GAUSS
-    at = np.ravel(low + half * (2 * np.arange(PIECES)[:, None] + 1 + points))
-    x, y, _ = np.reshape(model.getValue(1, tag, at), (-1, 3)).T
-    dx, dy, _ = np.reshape(model.getDerivative(1, tag, at), (-1, 3)).T
-    return float(half / 2 * np.sum(np.tile(weights, PIECES) * (x * dy - y * dx)))
 
 
 def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[list[int]]]:
@@ -453,25 +428,19 @@ def contours_of(job: PlateContours) -> list[list[Segment]]:
         kernel.synchronize()
         for _, face in union:
             loops = list[list[Segment]]()
-            for walk in _walks(gmsh.model, face):
-                arcs = ((_arcs(gmsh.model, tag), forwards) for tag, forwards in walk)
-                loops.append([arc for path, forwards in arcs for arc in (path if forwards else reverse(path))])
+            for tags in kernel.getCurveLoops(face)[1]:
+                ends = {int(t): gmsh.model.getBoundary([(1, int(t))], combined=False, oriented=False) for t in tags}
+                at, loop = ends[int(tags[0])][0], list[Segment]()
+                while ends:
+                    tag = next(t for t, pair in ends.items() if at in pair)
+                    first, *last = ends.pop(tag)
+                    forwards = at == first
+                    loop += _arcs(gmsh.model, tag) if forwards else reverse(_arcs(gmsh.model, tag))
+                    at = last[0] if forwards and last else first
+                loops.append(loop)
             loops.sort(key=lambda loop: -abs(area(loop)))
             contours += [loop if (area(loop) > 0) == (k == 0) else reverse(loop) for k, loop in enumerate(loops)]
     return contours
-
-
-def _walks(model: Any, face: int) -> Iterator[list[tuple[int, bool]]]:
-    """Yield the curves of each loop around a face in their order, and whether each is traversed forwards."""
-    for tags in model.occ.getCurveLoops(face)[1]:
-        ends = {int(t): model.getBoundary([(1, int(t))], combined=False, oriented=False) for t in tags}
-        at, walk = ends[int(tags[0])][0], list[tuple[int, bool]]()
-        while ends:
-            tag = next(t for t, pair in ends.items() if at in pair)
-            first, *last = ends.pop(tag)
-            walk.append((tag, at == first))
-            at = last[0] if at == first and last else first
-        yield walk
 
 
 def _arcs(model: Any, tag: int) -> list[Segment]:

@@ -70,7 +70,7 @@ DECIMALS = 9  # of coordinates, mm, of parts that are equal
 BEYOND = TOUCHING / 2  # mm, of a dividing line beyond the edge of the plate
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 ATTEMPTS, LOCAL_ATTEMPTS = 8, 5  # to mesh a plate, and one with its symmetry
-SMALLER = 0.4  # size of triangles in place of poor ones, per longest side
+SMALLER = 0.3  # size of triangles in place of poor ones, per longest side
 SLOPE = 0.4  # growth of their size with the distance, as with 4 triangles across a neck
 FINER = 0.8  # size of all triangles in the next attempt
 OTHER_ALGORITHM = {6: 5, 5: 6}
@@ -154,32 +154,35 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         regions, dividing = _divided(layout, job.regions, moves)
         symmetric = job._replace(regions=regions, lines=[*job.lines, *dividing], moves=moves)
         with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh without symmetry, then
-            return _accepted(layout, symmetric, LOCAL_ATTEMPTS)
-    return _accepted(layout, job, ATTEMPTS)
+            return _accepted(layout, symmetric, divisions, LOCAL_ATTEMPTS)
+    return _accepted(layout, job, divisions, ATTEMPTS)
 
 
-def _accepted(layout: Layout, job: PlateMesh, attempts: int) -> StageMesh:
+def _accepted(layout: Layout, job: PlateMesh, across: dict[str, int], attempts: int) -> StageMesh:
     """Return the first mesh that passes its checks.
 
-    In place of poor triangles there are smaller ones in the next attempt. After any other failure all triangles are
-    smaller, by another algorithm; a mesh with symmetry then has no other attempt.
+    In place of poor triangles there are smaller ones in the next attempt, and the edges across necks are not equal, so
+    that those at the ends of the necks can be smaller. After any other failure all triangles are smaller, by another
+    algorithm; a mesh with symmetry then has no other attempt.
+
+    across : least number of triangles across each neck.
     """
     try:
         arrays = run_mesher(job, TIME_LIMIT + TIME_PER_TRIANGLE * triangles_needed(layout))
-        return _checked(layout, arrays, job.divisions)
+        return _checked(layout, arrays, across)
     except (MeshTimeout, TooManyTriangles):
         raise
     except PoorTriangles as poor:
         if attempts == 1:
             raise
-        changed = _refined(job, arrays["nodes"][arrays["triangles"][poor.triangles, :3]] @ [1, 1j])
+        changed = _refined(job._replace(divisions={}), poor.corners @ [1, 1j])
     except ComputationFailed:
         if attempts == 1 or job.moves:
             raise
         gradings = [one._replace(size=FINER * one.size, largest=FINER * one.largest) for one in job.gradings]
         largest = [FINER * size for size in job.largest]
         changed = job._replace(gradings=gradings, largest=largest, algorithm=OTHER_ALGORITHM[job.algorithm])
-    return _accepted(layout, changed, attempts - 1)
+    return _accepted(layout, changed, across, attempts - 1)
 
 
 def _refined(job: PlateMesh, corners: AnyArray) -> PlateMesh:

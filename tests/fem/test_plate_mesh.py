@@ -421,3 +421,17 @@ def test_a_leaf_too_slender_for_finite_elements_is_refused_with_a_neck_that_is_p
     check_layout(leaf(0.00022))
     with pytest.raises(BadInput, match=r"^hinge\[0\]: finite elements need .* triangles.* as with 0.00019 mm or"):
         check_layout(leaf(0.0001))
+
+
+def test_a_poor_mesh_is_made_again_with_smaller_triangles_and_unequal_edges_across_the_neck():
+    """The middle section ends where the edge of a smooth table turns within 0.01 mm."""
+    rows = ((0, 0.55), (4.92, 6.79), (5.25, 3.15), (5.53, 6.08), (5.63, 0.76), (6.15, 1.21), (6.72, 0.68), (10, 0.35))
+    profile = Tabulated(table=rows, smooth=True)
+    layout = layout_of([GROUND, STAGE], [LEAF._replace(profile=profile, cut=9.0)])
+    mesh = mesh_layout(layout, 4)
+    assert scaled_jacobians(jacobians(mesh)).min() > 0.1
+    x, weights = profile.quadrature
+    assert area_of(mesh, 0, 1, 2) == pytest.approx(230 + weights @ profile.height(x), rel=COARSE_PARABOLAS)
+    np.testing.assert_allclose(
+        relative(layout, mesh)[1], relative(layout, mesh_layout(layout, 12))[1], rtol=COARSE_MESH
+    )
