@@ -45,6 +45,7 @@ OPTIONS = {
     "General.Verbosity": 2,
     "General.Terminal": 0,  # a worker shares the terminal
     "Mesh.Algorithm": 6,  # Frontal-Delaunay
+    "Geometry.ToleranceBoolean": 1e-6,  # mm; ends of hinges may lie this far from their bodies, by rounded coordinates
     "Mesh.LcIntegrationPrecision": 1e-2,
     "Mesh.Smoothing": 0,  # it takes half the time without improving the compliance
     "Mesh.MeshSizeExtendFromBoundary": 0,  # cones alone: a tenth fewer triangles, better shaped

@@ -435,3 +435,14 @@ def test_a_poor_mesh_is_made_again_with_smaller_triangles_and_unequal_edges_acro
     np.testing.assert_allclose(
         relative(layout, mesh)[1], relative(layout, mesh_layout(layout, 12))[1], rtol=COARSE_MESH
     )
+
+
+@pytest.mark.parametrize("hinge", [{"heading": 1.2e-6}, {"place": 15 + 7e-7j + 7e-7}])
+def test_a_hinge_beside_its_bodies_by_rounded_coordinates_is_joined_to_them(hinge):
+    """What `check` takes for joined, within 1e-6 mm, is one piece in the mesh and in the contours."""
+    layout = layout_of([GROUND, STAGE], [LEAF._replace(**hinge)])
+    straight = layout_of([GROUND, STAGE], [LEAF])
+    np.testing.assert_allclose(
+        relative(layout, mesh_layout(layout, 2))[1], relative(straight, mesh_layout(straight, 2))[1], rtol=COARSE_MESH
+    )
+    assert len(plate_contours(layout)) == 1
