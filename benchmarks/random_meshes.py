@@ -1,9 +1,10 @@
 """Meshes of random variants of mechanism files, at all resolutions that the commands use.
 
 Every parameter of a file, or every dimension of a file without parameters, changes at random. A variant that passes
-`check` and cannot be meshed is a fault. With `--mechanisms`, the mechanisms of `random_mechanisms.py` are meshed, too.
+`check` and cannot be meshed is a fault. With `--mechanisms`, perforated plates and those of `random_mechanisms.py` are
+meshed, too. Without files, those of `geometry/` are changed.
 
-    python benchmarks/random_meshes.py geometry/*.toml --variants 300 --seed 1
+    python benchmarks/random_meshes.py geometry/*.toml --variants 300 --seed 1 --mechanisms 80
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import flexfem
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.stage_mesh import mesh_sectors
 
+SHIPPED = Path(__file__).parents[1] / "geometry"
 RESOLUTIONS = (2, 3, 4, 6, 8)  # of all bands at the usual resolutions, of `large`, single parts and stored meshes
 CHANGED = (*10 * [1.0], *10 * [0.5], *20 * [0.2])  # share of numbers that change, in attempts to pass the check
 OF_HINGE = ("neck", "radius", "fillet", "depth", "root_radius", "cut", "direction")
@@ -84,7 +86,7 @@ def variants(rng: Random, paths: list[Path], count: int, spread: float) -> Itera
             continue
         yield path.stem, plates[path]
     made = 0
-    while made < count:
+    while plates and made < count:
         for path, plate in list(plates.items()):
             for share in CHANGED:
                 try:
@@ -144,8 +146,8 @@ def drawn(rng: Random, count: int) -> Iterator[tuple[str, Plate]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("files", type=Path, nargs="*")
-    parser.add_argument("--variants", type=int, default=300)
+    parser.add_argument("files", type=Path, nargs="*", default=sorted(SHIPPED.glob("*.toml")))
+    parser.add_argument("--variants", type=int, default=60)
     parser.add_argument("--mechanisms", type=int, default=0)
     parser.add_argument("--spread", type=float, default=0.15, help="largest relative change of a number")
     parser.add_argument("--seed", type=int, default=1)
@@ -170,6 +172,8 @@ def main() -> None:
             slowest = max(slowest, (time.perf_counter() - start, f"{name} at resolution {resolution}"))
     print(f"{plates} plates pass the check, {len(failed)} of {plates * len(RESOLUTIONS)} meshes failed")
     print("slowest: {:.1f} s, {}".format(*slowest))
+    if failed:
+        raise SystemExit(1)
 
 
 if __name__ == "__main__":
