@@ -100,6 +100,7 @@ def end_lines(joint: Joint, side: int, rigid: bool = False) -> list[Segment]:
     profile, half = joint.profile, joint.profile.length / 2
     breaks = side * np.array(profile.breaks)
     x = np.union1d(half * ENDING, breaks[breaks > half * ENDING[0]])
+    x = x[np.diff(x, prepend=-np.inf) > SHORTEST]  # two positions that differ by round-off have no slope between them
     y = profile.height(side * x) / 2
     steepest = np.tan(np.deg2rad(STEEP_AT_GROUND if rigid else STEEP)) * (1 + SLOPE_ROUND_OFF)
     gentle = np.flatnonzero(np.diff(y) <= steepest * np.diff(x))
