@@ -487,7 +487,7 @@ def test_a_hinge_beside_its_bodies_by_rounded_coordinates_is_joined_to_them(hing
 
 
 def test_the_ends_of_no_leaf_reach_the_cusp_of_its_fillets():
-    """A fillet ends upright beside the end of its hinge; round-off of one leaf in a hundred put a needle between them."""
+    """A fillet ends upright at the end of its hinge; round-off of one leaf in a hundred put a needle between them."""
     rng = np.random.default_rng(3)
     for _ in range(500):
         sizes = {"neck": rng.uniform(0.2, 1), "length": rng.uniform(6, 30), "fillet": rng.uniform(0.1, 0.9)}
