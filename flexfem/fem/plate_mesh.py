@@ -37,7 +37,7 @@ from flexfem.fem.mesher import (
     Region,
     run_mesher,
 )
-from flexfem.fem.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT
+from flexfem.fem.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, smaller_at
 from flexfem.mechanism.layout import Body, Layout, Move
 from flexfem.mechanism.outlines import SHORTEST, Segment, circle_of, polygon_points, reverse
 from flexfem.mechanism.plate import (
@@ -70,8 +70,6 @@ DECIMALS = 9  # of coordinates, mm, of parts that are equal
 BEYOND = TOUCHING / 2  # mm, of a dividing line beyond the edge of the plate
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 ATTEMPTS, LOCAL_ATTEMPTS = 8, 5  # to mesh a plate, and one with its symmetry
-SMALLER = 0.3  # size of triangles in place of poor ones, per longest side
-SLOPE = 0.4  # growth of their size with the distance, as with 4 triangles across a neck
 FINER = 0.8  # size of all triangles in the next attempt
 OTHER_ALGORITHM = {6: 5, 5: 6}
 TIME_PER_TRIANGLE = 5e-4  # s, added to the time limit; gmsh takes 6e-5 s on an idle machine
@@ -175,7 +173,8 @@ def _accepted(layout: Layout, job: PlateMesh, across: dict[str, int], attempts: 
     except PoorTriangles as poor:
         if attempts == 1:
             raise
-        changed = _refined(job._replace(divisions={}), poor.corners @ [1, 1j])
+        smaller = smaller_at(poor.corners, max(job.largest), job.moves)
+        changed = job._replace(divisions={}, gradings=[*job.gradings, *smaller])
     except ComputationFailed:
         if attempts == 1 or job.moves:
             raise
@@ -183,19 +182,6 @@ def _accepted(layout: Layout, job: PlateMesh, across: dict[str, int], attempts: 
         largest = [FINER * size for size in job.largest]
         changed = job._replace(gradings=gradings, largest=largest, algorithm=OTHER_ALGORITHM[job.algorithm])
     return _accepted(layout, changed, across, attempts - 1)
-
-
-def _refined(job: PlateMesh, corners: AnyArray) -> PlateMesh:
-    """Return a request with smaller triangles at the places of some and at their images.
-
-    corners : (n, 3), complex, mm, of the triangles.
-    """
-    coarsest, added = max(job.largest), list[Grading]()
-    for triangle in corners:
-        longest = float(np.abs(triangle - np.roll(triangle, 1)).max())
-        places = [move(complex(triangle.mean())) for move in (Move(), *job.moves)]
-        added.append(Grading(places, longest, SMALLER * longest, coarsest, (coarsest - SMALLER * longest) / SLOPE))
-    return job._replace(gradings=[*job.gradings, *added])
 
 
 def symmetry_of(layout: Layout) -> list[Move]:

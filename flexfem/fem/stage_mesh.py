@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, Plate, mirrored
 from flexfem.fem.mesh import (
     RESOLUTION,
     SAME_PLACE,
+    PoorTriangles,
     Sector,
     StageMesh,
     by_radius,
@@ -30,6 +32,7 @@ from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import draw_sector, necks
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.frames import CHAIN_TURN, turned
+from flexfem.mechanism.layout import Move
 from flexfem.mechanism.outlines import Face, area
 from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage import Stage
@@ -42,6 +45,9 @@ PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sq
 GROWTH = 1.6  # of the triangle size with the distance from a neck, times the triangles across it
 SLENDER = 0.3  # distance, per notch radius, up to which the thickness `t + d^2/R` grows slower than a cone
 STUBBY = 0.5  # t/R above which the notch radius, not the neck, sets the triangle size
+ATTEMPTS = 5  # to mesh sectors
+SMALLER = 0.3  # size of triangles in place of poor ones, per longest side
+SLOPE = 0.4  # growth of their size with the distance, as with 4 triangles across a neck
 PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch follows the cone of its neck
 
 
@@ -64,13 +70,42 @@ def mesh_sectors(
     keys = [(across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains]
     distinct = [keys.index(key) for key in dict.fromkeys(keys)]
     jobs = [sector_drawing(stage, chains[k], across[chains[k] - 1], max(across)) for k in distinct]
-    meshed = list(map(_sector, jobs, run_jobs(jobs, time_limit)))
+    meshed = _meshed(jobs, time_limit)
     sectors = tuple(meshed[distinct.index(keys.index(key))] for key in keys)
     for sector, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
         ahead, behind = sector.mesh.nodes[sector.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
         if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
             raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
     return sectors
+
+
+def _meshed(jobs: list[FaceMesh], time_limit: float | Limit, attempts: int = ATTEMPTS) -> list[Sector]:
+    """Return the sectors, after poor triangles from another attempt with smaller ones at their places."""
+    sectors, changed = list[Sector](), list[FaceMesh]()
+    for job, arrays in zip(jobs, run_jobs(jobs, time_limit), strict=True):
+        try:
+            sectors.append(_sector(job, arrays))
+            changed.append(job)
+        except PoorTriangles as poor:
+            if attempts == 1:
+                raise
+            coarse = max((one.largest for one in job.gradings), default=0.0)
+            changed.append(job._replace(gradings=[*job.gradings, *smaller_at(poor.corners, coarse)]))
+    return sectors if len(sectors) == len(jobs) else _meshed(changed, time_limit, attempts - 1)
+
+
+def smaller_at(corners: Array, coarse: float, moves: Sequence[Move] = ()) -> list[Grading]:
+    """Return the sizes of smaller triangles at the places of some, and at the images of these places.
+
+    corners : (n, 3, 2), mm, of the triangles.   coarse : largest size, mm.
+    """
+    found = list[Grading]()
+    for triangle in corners @ [1, 1j]:
+        longest = float(np.abs(triangle - np.roll(triangle, 1)).max())
+        size, largest = SMALLER * longest, max(coarse, longest)
+        places = [move(complex(triangle.mean())) for move in (Move(), *moves)]
+        found.append(Grading(places, longest, size, largest, (largest - size) / SLOPE))
+    return found
 
 
 def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:

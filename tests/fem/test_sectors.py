@@ -6,19 +6,22 @@ import numpy as np
 import pytest
 
 import flexfem.fem.stage_mesh
+from flexfem.fem.mesh import jacobians, scaled_jacobians
 from flexfem.fem.mesher import end_processes, mesh_faces, run_mesher
 from flexfem.fem.response import unit_response
 from flexfem.fem.stage_mesh import mesh_sectors, plate_of, sector_drawing
 from flexfem.mechanism.outlines import Face
+from flexfem.mechanism.stage import load_stage
 from flexfem.questions.bands import grid_convergence
 from flexfem.refused import ComputationFailed
 
 from ..conftest import with_changes
-from .conftest import solved
+from .conftest import GEOMETRY, solved
 
 ON_ARC = 1e-9  # mm; gmsh places the ends, we the middles
 ACCURACY = 1e-3  # of the platform stiffness, what studies promise at their default resolution
 RESOLUTION = 4  # default of studies
+TWO_ACROSS = 0.01  # of the platform compliance with two triangles across the necks; half of it is seen
 
 
 def same(one, other):
@@ -90,3 +93,24 @@ def test_stiffness_is_within_a_tenth_of_a_per_cent_of_extrapolation(name, reques
     found = np.diag(np.linalg.inv(ring.compliance))
     assert np.abs(found / limit - 1).max() < ACCURACY
     assert np.abs(fine[-1] / limit - 1).max() < ACCURACY / 20  # so that the limit is one
+
+
+def test_a_poor_mesh_of_a_sector_is_made_again_with_smaller_triangles():
+    """A triangle of the first mesh with two across the necks was folded beside the notch of the platform hinge."""
+    changed = load_stage(GEOMETRY / "mobility3.toml").replace(
+        chain={
+            "link_lengths": [28.625599849475645, 33.39888615928118, 26.29895199941183],
+            "link_width": 9.089341643522243,
+        },
+        platform={"radius": 18.642464220371245},
+        hinges={
+            "base": {"radius": 1.315536976679163, "neck": 0.5685023687116963},
+            "elbow": {"radius": 1.5739044151619492, "neck": 0.5279825804156227},
+            "platform": {"radius": 1.569083499626799, "neck": 0.47438918805945196},
+        },
+    )
+    (coarse,) = mesh_sectors(changed, 2)
+    (fine,) = mesh_sectors(changed, 8)
+    assert scaled_jacobians(jacobians(coarse.mesh)).min() > 0.1
+    C, finer = (unit_response((one,), plate_of(changed)).compliance for one in (coarse, fine))
+    np.testing.assert_allclose(np.diag(C), np.diag(finer), rtol=TWO_ACROSS)
