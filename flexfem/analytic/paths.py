@@ -251,8 +251,12 @@ class DrivenPlate(FinitePlate):
         for _ in range(MOST_STEPS):
             last = x
             x = low + (high - low) * below / (below - above)
+            if abs(x - low) < FINEST * abs(x):  # two points at one place have no polynomial through them
+                x, at = inside[-1]
+                break
             found = self._continued(inside[-3:], ports, x)
             if found is None:
+                x = last
                 break
             at, margin = found, self._margin(found, rest)
             if abs(margin) < FINEST or abs(x - last) < FINEST * abs(x):

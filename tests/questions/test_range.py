@@ -9,6 +9,8 @@ from flexfem.analytic.paths import BUCKLING, YIELD, DrivenPlate
 from flexfem.fem.nonlinear import driven
 from flexfem.questions.plates import model_of
 
+from ..conftest import ROOT
+
 E, B, T, L, STRENGTH = 70_000.0, 9.0, 0.4, 37.0, 400.0  # MPa, mm
 EI, EA = E * B * T**3 / 12, E * B * T
 SHEAR = 1e-3  # relative to the load of Euler: the shear of a leaf, and its division into eight beams
@@ -130,3 +132,12 @@ def test_finite_elements_are_driven_to_a_displacement_and_stretch_by_the_closed_
     F, _, _ = column(1.5)
     assert found.pose[0, 0] == pytest.approx(1.5, rel=1e-12)
     np.testing.assert_allclose(found.load[0], [4 * F, 0.0, 0.0], rtol=ELEMENTS)
+
+
+@pytest.mark.parametrize("kind", ["bridge-amplifier", "double-parallelogram", "four-chains", "lever-amplifier", "pivot"])
+def test_ranges_of_shipped_mechanisms_end_at_a_named_limit_without_warnings_of_numbers(kind):
+    """A path that reached one displacement twice divided by zero."""
+    found = flexfem.stiffness(flexfem.load(ROOT / f"geometry/{kind}.toml"), models="analytic")
+    ends = found.at("range")
+    np.testing.assert_array_equal(np.sign(ends), np.array([1.0, -1.0])[:, None] * np.ones(ends.shape))
+    assert any("yield of hinge" in note for note in found.notes)
