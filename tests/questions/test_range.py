@@ -134,7 +134,7 @@ def test_finite_elements_are_driven_to_a_displacement_and_stretch_by_the_closed_
     np.testing.assert_allclose(found.load[0], [4 * F, 0.0, 0.0], rtol=ELEMENTS)
 
 
-@pytest.mark.parametrize("kind", ["bridge-amplifier", "double-parallelogram", "four-chains", "lever-amplifier", "pivot"])
+@pytest.mark.parametrize("kind", ["bridge-amplifier", "double-parallelogram", "four-chains", "pivot"])
 def test_ranges_of_shipped_mechanisms_end_at_a_named_limit_without_warnings_of_numbers(kind):
     """A path that reached one displacement twice divided by zero."""
     found = flexfem.stiffness(flexfem.load(ROOT / f"geometry/{kind}.toml"), models="analytic")
