@@ -211,15 +211,21 @@ class DrivenPlate(FinitePlate):
         return np.array([at.forces[port] / x, np.max(self.stress(at.unknowns)) / abs(x)])
 
     def reached(self, port: int, held: Sequence[int], x: float) -> PathPoint | None:
-        """Return the equilibrium at a displacement of a port, reached in equal steps from rest; None without one."""
+        """Return the equilibrium at a displacement of a port, reached in steps from rest; None without one."""
         ports = [port, *held]
         path = [(0.0, self.described(np.zeros(self.size), np.zeros(self.ports), ports))]
-        for place in x * np.arange(1, STEPS + 1) / STEPS:
-            found = self._continued(path, ports, place)
+        done, share = 0.0, 1 / STEPS
+        for _ in range(MOST_STEPS):
+            after = min(1.0, done + share)
+            found = self._continued(path, ports, after * x)
             if found is None:
-                return None
-            path = [*path[-2:], (place, found)]
-        return path[-1][1]
+                share /= 4
+                continue
+            if after == 1.0:
+                return found
+            done = after
+            path = [*path[-2:], (done * x, found)]
+        return None
 
     def _margin(self, at: PathPoint, rest: PathPoint) -> float:
         """Distance from the nearest limit, 1 at rest and 0 there."""

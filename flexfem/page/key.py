@@ -30,8 +30,8 @@ SHARES = partial(budget, plane=True)
 BEAMS = partial(stiffness, models="analytic"), partial(modes, models="analytic", count=1)  # without finite elements
 AT_REST = {
     "free": "stiffness, other directions free",
-    "yield_range": "range at yield, ±",
-    "yield_force": "force at yield",
+    "yield_range": "range at yield, other directions held, linear, ±",
+    "yield_force": "force at yield, other directions held, linear",
     "stress": "highest stress per displacement",
 }
 COARSE = 2  # triangles across a neck, for the motions by actuators, which are only drawn

@@ -25,6 +25,7 @@ from flexfem.questions.setup import Mesh, ModelAnswer
 from flexfem.refused import ComputationFailed
 from flexfem.units import DIRECTIONS
 
+UNKNOWN = "unknown"  # kind of an end that finite elements do not reach
 SENSES = (1.0, -1.0)
 SYMMETRIC = 1e-4  # of a displacement: smaller motions across it come from meshes, and nothing needs to hold them
 ALIKE = 1e-3  # relative difference, by the meshes of hinges, of two ends of beams that are one by symmetry
@@ -106,7 +107,10 @@ def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAns
             if alike:
                 ends[which, sense, axis] = _turned(alike[0], beams_end)
                 continue
-            made = _checked(mechanism, mesh, beams_end, linear, (axis, held), plane, beams)
+            try:
+                made = _checked(mechanism, mesh, beams_end, linear, (axis, held), plane, beams)
+            except ComputationFailed:
+                made = _without_numbers(UNKNOWN, beams_end)
             known.append(((beams_end, axis), made))
             ends[which, sense, axis] = made
     return Ranges(ends)
@@ -121,6 +125,7 @@ def described(layout: Layout, found: Ranges) -> list[str]:
             YIELD: f"yield of hinge {name!r}" + ", by linear theory, which holds to its band" * end.linear,
             BUCKLING: f"buckling, with the highest stress in hinge {name!r}, by beams",
             NO_LIMIT: "no limit was found",
+            UNKNOWN: f"not known, because finite elements find no equilibrium near the limit of beams at {name!r}",
         }[end.kind]
         by_limit.setdefault(limit, []).append(f"{'+-'[sense]}{DIRECTIONS[axis]} ({('held', 'free')[which]})")
     return [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
@@ -187,7 +192,7 @@ def _checked(
     stress = end.at.stress
     hinge = int(np.argmax(stress))
     if end.kind == NO_LIMIT:
-        return RangeEnd(np.nan, np.nan, np.nan, np.nan, NO_LIMIT, hinge, np.full(len(stress), np.nan))
+        return _without_numbers(NO_LIMIT, end)
     if mesh is None:
         return RangeEnd(end.displacement, end.force, np.nan, np.nan, end.kind, hinge, stress)
     if end.kind == BUCKLING:
@@ -217,6 +222,13 @@ def _checked(
     band = abs(end.exponents[0]) * width + widths[0]
     peaks = peaks * strength / peaks.max()
     return RangeEnd(x, sign * force, abs(x) * width, force * band, YIELD, int(np.argmax(peaks)), peaks)
+
+
+def _without_numbers(kind: str, end: PathEnd) -> RangeEnd:
+    """Return an end whose numbers are not known; the hinge is that with the highest stress by beams."""
+    stress = end.at.stress
+    nothing = np.full(len(stress), np.nan)
+    return RangeEnd(np.nan, np.nan, np.nan, np.nan, kind, int(np.argmax(stress)), nothing)
 
 
 def _of_buckling(end: PathEnd, linear: _Linear) -> RangeEnd:

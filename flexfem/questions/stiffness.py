@@ -286,13 +286,17 @@ def stiffness(
         notes.append(_first_yields(stage.layout, last))
     widths = dict[str, Array]()
     if stage.layout.joints and isinstance(stage, Mechanism):
-        reached = ranges(stage, mesh, found)
-        for name, which in (("range", "displacement"), ("range_force", "force")):
-            others[name] = reached.array(which)
-            widths[name] = reached.array(f"{which}_band")
-        others["range_stress"] = np.moveaxis(reached.array("stress"), -1, 2)
-        notes += described(stage.layout, reached)
-        warnings += yielding_bodies(list(found.values())[-1], stage.material.yield_strength)
+        try:
+            reached = ranges(stage, mesh, found)
+        except ComputationFailed as failure:
+            warnings.append(f"no range at finite displacements: {failure}")
+        else:
+            for name, which in (("range", "displacement"), ("range_force", "force")):
+                others[name] = reached.array(which)
+                widths[name] = reached.array(f"{which}_band")
+            others["range_stress"] = np.moveaxis(reached.array("stress"), -1, 2)
+            notes += described(stage.layout, reached)
+            warnings += yielding_bodies(list(found.values())[-1], stage.material.yield_strength)
     if "force" in last:
         stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
         warnings += plates.over_yield(stage, found, stress, "under this load")

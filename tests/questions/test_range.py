@@ -7,7 +7,9 @@ from scipy.optimize import brentq
 import flexfem
 from flexfem.analytic.paths import BUCKLING, YIELD, DrivenPlate
 from flexfem.fem.nonlinear import driven
+from flexfem.questions import ranges, stiffness
 from flexfem.questions.plates import model_of
+from flexfem.refused import ComputationFailed
 
 from ..conftest import ROOT
 
@@ -141,3 +143,19 @@ def test_ranges_of_shipped_mechanisms_end_at_a_named_limit_without_warnings_of_n
     ends = found.at("range")
     np.testing.assert_array_equal(np.sign(ends), np.array([1.0, -1.0])[:, None] * np.ones(ends.shape))
     assert any("yield of hinge" in note for note in found.notes)
+
+
+def test_a_range_without_an_equilibrium_near_its_limit_leaves_the_other_answers(monkeypatch):
+    """Finite elements that do not converge at the limit, or beams that find no equilibrium at all."""
+    mechanism = flexfem.load(ROOT / "geometry/parallelogram.toml")
+
+    def refused(*_):
+        raise ComputationFailed("no equilibrium")
+
+    monkeypatch.setattr(ranges, "_ratios", refused)
+    found = flexfem.stiffness(mechanism, models="elements", resolution=4)
+    assert np.isfinite(found.free).all() and np.isnan(found.range[:, :, 0]).any()
+    assert any("finite elements find no equilibrium" in note for note in found.notes)
+    monkeypatch.setattr(stiffness, "ranges", refused)
+    found = flexfem.stiffness(mechanism, models="analytic")
+    assert "range" not in found.values and "no range at finite displacements: no equilibrium" in found.warnings
