@@ -1,11 +1,13 @@
 """Hinges in three dimensions against plane stress, and mechanisms computed by them against whole plates."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 import flexfem
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.fem.thickness import thick_hinges
+from flexfem.fem.thickness import ThickHinge, thick_hinges
 from flexfem.questions.plates import elements, factorised, thickness_of
 
 LAYERS = 2e-3  # of a compliance, by two layers more and another mesh in the plane
@@ -52,11 +54,17 @@ def leaf(thickness: float, ratio: float = 0.33) -> flexfem.Mechanism:
     )
 
 
+@cache
+def solved_leaf(thickness: float, ratio: float = 0.33) -> ThickHinge:
+    """The leaf alone in three dimensions."""
+    layout = leaf(thickness, ratio).layout
+    return thick_hinges(layout, mesh_layout(layout, 4))[0]
+
+
 def changes(thickness: float, ratio: float = 0.33) -> tuple[np.ndarray, np.ndarray]:
     """Changes of axial, transverse and rotational compliance, relative to plane stress, with held and loose ends."""
-    mechanism = leaf(thickness, ratio)
-    found = thick_hinges(mechanism.layout, mesh_layout(mechanism.layout, 4))[0]
-    beam = np.diag(mechanism.layout.joints[0].profile.compliance(68000.0, ratio, thickness))
+    found = solved_leaf(thickness, ratio)
+    beam = np.diag(leaf(thickness, ratio).layout.joints[0].profile.compliance(68000.0, ratio, thickness))
     return np.diag(found.change) / beam, np.diag(found.loose) / beam
 
 
@@ -82,8 +90,7 @@ def test_without_contraction_thickness_has_no_effect():
 
 def test_stress_ratio_is_that_of_the_wrench():
     """By bending alone, the stress in a wide leaf has xx as in plane stress and zz = nu xx: sqrt(1 - nu + nu^2)."""
-    mechanism = leaf(40.0)
-    found = thick_hinges(mechanism.layout, mesh_layout(mechanism.layout, 4))[0]
+    found = solved_leaf(40.0)
     bending = found.stress_ratio(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -7.0]]))
     np.testing.assert_allclose(bending, bending[0])
     assert np.sqrt(1 - 0.33 + 0.33**2) - 0.01 < bending[0] < 1.08  # 0.883; the roots at the faces have more
@@ -95,6 +102,7 @@ def test_a_plane_model_has_no_effect_of_thickness():
     assert thickness_of(leaf(10.0).replace(model="plane_strain")) == ()
 
 
+@pytest.mark.slow
 def test_compliance_by_hinges_is_that_of_the_whole_plate():
     """Coarse, on one mesh, with the error that the variants of the effect state."""
     mechanism = leaf(12.0)
