@@ -216,7 +216,9 @@ class DrivenPlate(FinitePlate):
         path = [(0.0, self.described(np.zeros(self.size), np.zeros(self.ports), ports))]
         done, share = 0.0, 1 / STEPS
         for _ in range(MOST_STEPS):
-            after = min(1.0, done + share)
+            after = done + share
+            if after > 1 - SMALLEST_STEP * share:  # also by round-off of the sum
+                after = 1.0
             found = self._continued(path, ports, after * x)
             if found is None:
                 share /= 4
