@@ -26,6 +26,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("hinges",),
     ("analytic", "fem"),
     ("cad",),
+    ("importing",),
     ("questions",),
     ("study",),
     ("design",),
@@ -38,7 +39,12 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("__main__",),
 )
 LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
-HEAVY = {"skfem": ("fem",), "matplotlib": ("plot",), "meshio": ("fem",), "ezdxf": ("cad",)}  # who may import what
+HEAVY = {
+    "skfem": ("fem",),
+    "matplotlib": ("plot",),
+    "meshio": ("fem",),
+    "ezdxf": ("cad", "importing"),
+}  # who may import what
 
 
 MODELS = ("flexfem.analytic.", "flexfem.fem.")

@@ -1,0 +1,81 @@
+"""What is read from a drawing, and what is found in the plate that it draws; complex points, mm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from shapely import Polygon
+
+from flexfem.mechanism.outlines import Segment
+
+
+class DrawnMark(NamedTuple):
+    """A point or a closed contour on a named layer that says what a part is for, such as GROUND or OUTPUT.
+
+    points : one point, or the corners of the contour.
+    """
+
+    layer: str
+    points: tuple[complex, ...]
+
+
+class Drawing(NamedTuple):
+    """One plate as it is drawn.
+
+    outside : closed counter-clockwise loop.   holes : closed clockwise loops inside it.
+    thickness : mm, None where the file does not state it.
+    deviation : mm, largest distance of the loops from the curves of the file (splines, ellipses).
+    notes : complete sentences about what was closed, merged or left out.
+    """
+
+    path: Path
+    outside: tuple[Segment, ...]
+    holes: tuple[tuple[Segment, ...], ...]
+    thickness: float | None
+    marks: tuple[DrawnMark, ...]
+    deviation: float
+    notes: tuple[str, ...]
+
+
+class FoundBody(NamedTuple):
+    """A body up to the ends of its hinges.
+
+    outside : closed counter-clockwise loop.   holes : closed clockwise loops inside it.
+    clamped : indices of segments of `outside` that lie on a mark of the ground.
+    """
+
+    outside: tuple[Segment, ...]
+    holes: tuple[tuple[Segment, ...], ...]
+    clamped: tuple[int, ...] = ()
+
+
+class FoundHinge(NamedTuple):
+    """A hinge between two bodies.
+
+    bodies : indices of its first and second body.   place : its centre.   heading : rad, from the first to the second.
+    shape : as in a mechanism file.
+    dimensions : mm (angles in degrees) by the key of a mechanism file without its unit, such as `neck`.
+    table : rows of a profile, mm, empty for other shapes.
+    deviation : mm, largest distance of the edge from the drawn one.
+    """
+
+    bodies: tuple[int, int]
+    place: complex
+    heading: float
+    shape: str
+    dimensions: dict[str, float]
+    table: tuple[tuple[float, ...], ...]
+    deviation: float
+
+
+class FoundPlate(NamedTuple):
+    """A plate divided into bodies and hinges.
+
+    slender : thin parts of bodies that were not taken as hinges.
+    """
+
+    drawing: Drawing
+    bodies: tuple[FoundBody, ...]
+    hinges: tuple[FoundHinge, ...]
+    slender: tuple[Polygon, ...]
