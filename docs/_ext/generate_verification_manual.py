@@ -1,19 +1,24 @@
-"""The page docs/verification-manual.md and its figure, made at every build by tests/validation: some 15 s."""
+"""The pages on published problems and on verified mechanisms with their figures, made at every build: some 30 s."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-PAGE = Path(__file__).parents[1] / "verification-manual.md"  # not kept by git
+DOCS = Path(__file__).parents[1]
+MANUAL = DOCS / "verification-manual.md"  # neither page is kept by git
+MECHANISMS = DOCS / "verified-mechanisms.md"
 
 
 def write() -> None:
-    """Solve the problems that need no other program, and write the page."""
-    from tests.validation.manual import write as write_manual
+    """Solve the problems that need no other program, and write both pages."""
+    from tests.validation import manual
     from tests.validation.problem import PROBLEMS
 
-    write_manual(PAGE, list(PROBLEMS), "reference/verification-elastica.png")
+    mechanisms = [name for name, problem in PROBLEMS.items() if problem.mechanism]
+    others = [name for name in PROBLEMS if name not in mechanisms]
+    manual.write(MANUAL, others, manual.MANUAL, "reference")
+    manual.write(MECHANISMS, mechanisms, manual.MECHANISMS, "reference")
 
 
 def setup(app: Any) -> dict[str, bool]:

@@ -9,12 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from flexfem.files.writing import markdown_table
+from flexfem.plot.write import write_picture
 
-from . import consistency, hinge, large, plane, vibration, warm
+from . import consistency, hinge, large, plane, practice, vibration, warm
 from .problem import PROBLEMS, Finding, MissingSolverError
 
 HEAD = ("quantity", "target", "target ±", "ours", "difference", "allowed ±", "unknowns", "")
-REGISTERED = (consistency, plane, hinge, large, vibration, warm)  # their imports fill PROBLEMS
+REGISTERED = (consistency, plane, hinge, large, vibration, warm, practice)  # their imports fill PROBLEMS
 
 
 def run(names: Sequence[str]) -> dict[str, list[Finding]]:
@@ -31,16 +32,32 @@ def run(names: Sequence[str]) -> dict[str, list[Finding]]:
     return found
 
 
-def manual(found: Mapping[str, Sequence[Finding]], figures: Mapping[str, str]) -> str:
-    """The verification manual in Markdown, of findings by the name of their problem; `figures` by the same name."""
+MANUAL = (
+    "Verification manual",
+    "What `make validation` finds. Every target is published or exact, none is a value of our own.",
+)
+MECHANISMS = (
+    "Verified mechanisms",
+    "Mechanisms from practice, drawn by others, beside published or independent values. `make validation` solves them; "
+    "their files are in `tests/validation/mechanisms`, and each states its source.",
+)
+
+
+def manual(
+    found: Mapping[str, Sequence[Finding]], figures: Mapping[str, str], heading: tuple[str, str] = MANUAL
+) -> str:
+    """The page in Markdown, of findings by the name of their problem; `figures` by the same name.
+
+    heading : title and first sentences of the page.
+    """
     findings = [finding for each in found.values() for finding in each]
-    failed, count = sum(not finding.passed for finding in findings), len(findings)
-    verdict = f"{failed} of {count} fail" if failed else f"All {count} agree"
+    failed = sum(not finding.passed for finding in findings)
+    verdict = f"{failed} of {len(findings)} fail" if failed else f"All {len(findings)} agree"
+    title, purpose = heading
     blocks = [
-        "# Verification manual",
-        f"What `make validation` finds. Every target is published or exact, none is a value of our own. {verdict} "
-        "within what is allowed: a limit stated beside the target, in its unit, from the error that the mesh is "
-        "expected to have and from the digits that the source prints.",
+        f"# {title}",
+        f"{purpose} {verdict} within what is allowed: a limit stated beside the target, in its unit, from the error "
+        "that the mesh is expected to have and from the digits that the source prints.",
         *(block for name, own in found.items() for block in _section(name, own, figures.get(name))),
     ]
     return "\n\n".join(blocks) + "\n"
@@ -59,17 +76,35 @@ def _section(name: str, own: Sequence[Finding], figure: str | None) -> Iterator[
 
 def _row(found: Finding) -> list[str]:
     uncertainty = f"{found.uncertainty:.2g}" if found.uncertainty else "exact"
-    cells = [found.quantity, f"{found.target:.6g}", uncertainty, f"{found.ours:.6g}", f"{found.difference:+.1e}"]
+    ours = f"{found.ours:.6g}" + (f" ± {found.band:.2g}" if found.band else "")
+    cells = [found.quantity, f"{found.target:.6g}", uncertainty, ours, f"{found.difference:+.1e}"]
     return [*cells, f"{found.allowed:.2g}", f"{found.unknowns or ''}", "" if found.passed else "**fails**"]
 
 
-def write(page: Path, names: Sequence[str], figure: str = "verification-elastica.png") -> bool:
-    """Run problems and write the manual, and beside it the figure of the elastica; whether all passed."""
-    (page.parent / figure).parent.mkdir(parents=True, exist_ok=True)
+def draw(name: str, folder: Path) -> str:
+    """Draw the figure of a problem into a folder and return its file name, empty without a figure."""
+    if name == "elastica":
+        file = folder / "verification-elastica.png"
+        large.draw_elastica(file)
+        return file.name
+    if PROBLEMS[name].mechanism:
+        file = folder / f"verified-{name}.png"
+        write_picture(file, practice.drawing(PROBLEMS[name].mechanism))
+        return file.name
+    return ""
+
+
+def write(page: Path, names: Sequence[str], heading: tuple[str, str] = MANUAL, figures: str = "") -> bool:
+    """Run problems and write their page; whether all passed.
+
+    figures : folder of the figures, relative to that of the page.
+    """
+    folder = page.parent / figures
+    folder.mkdir(parents=True, exist_ok=True)
     found = run(names)
-    if "elastica" in found:
-        large.draw_elastica(page.parent / figure)
-    page.write_text(manual(found, {"elastica": figure}))
+    drawn = {name: draw(name, folder) for name in found}
+    places = {name: (Path(figures) / file).as_posix() for name, file in drawn.items() if file}
+    page.write_text(manual(found, places, heading))
     return all(each.passed for own in found.values() for each in own)
 
 

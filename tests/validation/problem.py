@@ -40,6 +40,7 @@ class Finding(NamedTuple):
     quantity : what is compared, with its unit.   allowed : the largest difference that passes, in the same unit.
     uncertainty : how well the target itself is known, in its unit; zero for exact ones.
     unknowns : equations solved for `ours`, on the finest mesh.   note : what else is worth knowing.
+    band : half-width of the uncertainty that flexfem states with `ours`, in the same unit; zero where it states none.
     """
 
     quantity: str
@@ -49,6 +50,7 @@ class Finding(NamedTuple):
     uncertainty: float = 0.0
     unknowns: int = 0
     note: str = ""
+    band: float = 0.0
 
     @property
     def difference(self) -> float:
@@ -66,6 +68,7 @@ class Problem(NamedTuple):
 
     title : heading in the manual.   verifies : what would be wrong if it failed.   source : citation of the target.
     run : solves it.   slow : whether that takes more than a few seconds, or another solver.
+    mechanism : name of the mechanism file that it is about, empty for other problems.
     """
 
     title: str
@@ -73,18 +76,19 @@ class Problem(NamedTuple):
     source: str
     run: Callable[[], list[Finding]]
     slow: bool = False
+    mechanism: str = ""
 
 
 PROBLEMS: dict[str, Problem] = {}
 
 
 def problem(
-    title: str, verifies: str, source: str, slow: bool = False
+    title: str, verifies: str, source: str, slow: bool = False, mechanism: str = ""
 ) -> Callable[[Callable[[], list[Finding]]], Callable[[], list[Finding]]]:
     """Register a function as a problem, named as the function is with hyphens."""
 
     def register(run: Callable[[], list[Finding]]) -> Callable[[], list[Finding]]:
-        PROBLEMS[run.__name__.replace("_", "-")] = Problem(title, verifies, source, run, slow)
+        PROBLEMS[run.__name__.replace("_", "-")] = Problem(title, verifies, source, run, slow, mechanism)
         return run
 
     return register
