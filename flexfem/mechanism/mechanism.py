@@ -316,10 +316,10 @@ def _body(part: PlacedPart) -> Body:
     holes = [_outline(hole, part.move, f"{part.key}.holes[{k}]").loop for k, hole in enumerate(table.holes)]
     clamped = list[int]()
     for k, edge in enumerate(table.clamped_edges):
-        segment = outline.edges[edge - 1]
-        if segment is None:
+        segments = outline.edges[edge - 1]
+        if not segments:
             raise BadInput(f"{part.key}.clamped_edges[{k}] = {edge}, expected an edge that its fillets leave straight")
-        clamped.append(segment)
+        clamped += segments
     loops = tuple(tuple(reverse(hole)) for hole in holes)
     width = None if table.width is None else float(table.width)
     return Body(part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key)
@@ -330,11 +330,14 @@ def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
         return disc(move(complex(*table.centre)), table.radius)
     path = table.path if isinstance(table, PlateBody) else None
     corners = path or table.outline or ()
-    points, radii = [move(complex(*corner[:2])) for corner in corners], [(*corner, 0.0)[2] for corner in corners]
+    points = [move(complex(*corner[:2])) for corner in corners]
+    radii = [(*corner, 0.0)[2] for corner in corners]
+    side = -1.0 if move.mirrored else 1.0
+    bows = [side * (*corner, 0.0, 0.0)[3] for corner in corners]
     try:
         if isinstance(table, PlateBody) and table.width is not None:
             return bar(points, radii, table.width)
-        return rounded(points, radii)
+        return rounded(points, radii, bows)
     except ValueError as error:
         k, expected = error.args
         name = "outline_mm" if path is None else "path_mm"

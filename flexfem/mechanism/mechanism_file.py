@@ -24,10 +24,17 @@ def _corner(corner: tuple[float, ...]) -> tuple[float, ...]:
     return corner
 
 
+def _enclosing(corners: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
+    if len(corners) == 2 and not any(any(corner[3:]) for corner in corners):
+        raise refusal("at least 3 corners, or 2 with an arc between them")
+    return corners
+
+
 Point: TypeAlias = tuple[Coordinate, Coordinate]
-Corner: TypeAlias = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3), AfterValidator(_corner)]
-Corners: TypeAlias = Annotated[tuple[Corner, ...], Field(min_length=3, max_length=MOST)]
-Bends: TypeAlias = Annotated[tuple[Corner, ...], Field(min_length=2, max_length=MOST)]
+Corner: TypeAlias = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=4), AfterValidator(_corner)]
+Corners: TypeAlias = Annotated[tuple[Corner, ...], Field(min_length=2, max_length=MOST), AfterValidator(_enclosing)]
+Bend: TypeAlias = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3), AfterValidator(_corner)]
+Bends: TypeAlias = Annotated[tuple[Bend, ...], Field(min_length=2, max_length=MOST)]
 Shape: TypeAlias = Literal["circular", "elliptical", "filleted", "leaf", "parabolic", "v", "profile"]
 
 
@@ -35,7 +42,7 @@ class BodyHole(Table):
     """A hole in a body, inside its outline: a polygon with fillets, or a disc."""
 
     outline: Corners | None = Field(default=None, alias="outline_mm", examples=[[[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]]])
-    """Corners x, y of a polygon; an optional third number is the radius of a fillet at the corner"""
+    """Corners x, y of a polygon, as those of a body"""
     centre: Point | None = Field(default=None, alias="centre_mm", examples=[[0.0, 0.0]])
     """Instead of `outline_mm`, with `radius_mm`: centre of a disc"""
     radius: Length | None = Field(default=None, alias="radius_mm", examples=[2.0])
@@ -55,7 +62,9 @@ class PlateBody(Table):
     outline: Corners | None = Field(
         default=None, alias="outline_mm", examples=[[[0.0, 0.0], [9.0, 0.0], [9.0, 8.0, 2.0]]]
     )
-    """Corners x, y of a polygon, in either sense; an optional third number is the radius of a fillet at the corner"""
+    """Corners x, y of a polygon, in either sense; an optional third number is the radius of a fillet at the corner. An
+    optional fourth number makes the side to the next corner a circular arc: its height over the chord, positive to the
+    right on the way to the next corner, which is outwards where the corners go round counter-clockwise"""
     path: Bends | None = Field(default=None, alias="path_mm", examples=[[[0.0, 0.0], [30.0, 0.0, 10.0], [30.0, 20.0]]])
     """Instead of `outline_mm`, with `width_mm`: points x, y of the centreline of a bar with square ends; an optional
     third number is the radius of the centreline at a bend, which is sharp without it"""

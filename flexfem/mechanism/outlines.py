@@ -18,6 +18,7 @@ from flexfem.arrays import AnyArray, Array
 
 SHORTEST = 1e-9  # mm; shorter segments are left out, such as the wall of a notch as deep as its link
 TIGHTEST_TURN = np.deg2rad(170.0)
+LONGEST_ARC = np.deg2rad(120.0)  # turn of one segment of a longer arc
 GAUSS = np.polynomial.legendre.leggauss(16)  # on each line or arc of less than half a turn: exact to round-off
 
 
@@ -109,52 +110,88 @@ def polyline(*points: complex) -> list[Segment]:
     return [Segment(a, b) for a, b in pairwise(points) if abs(b - a) > SHORTEST]
 
 
+def bowed(start: complex, end: complex, bow: float) -> list[Segment]:
+    """Circular arc from `start` to `end`, in parts of less than half a turn; without a bow the line.
+
+    bow : height of the arc over its chord, mm, positive to the right of the way from `start` to `end`, as the arc then
+        turns to the left. Half the chord is a semicircle; a larger one is more than that.
+    """
+    if abs(bow) <= SHORTEST:
+        return polyline(start, end)
+    ahead = (end - start) / abs(end - start)
+    half = abs(end - start) / 2
+    centre = (start + end) / 2 + 1j * ahead * (half**2 - bow**2) / (2 * bow)
+    turn = 4 * math.atan(bow / half)
+    parts = math.ceil(abs(turn) / LONGEST_ARC)
+    between = [centre + (start - centre) * cmath.exp(1j * turn * k / parts) for k in range(1, parts)]
+    return [Segment(a, b, centre) for a, b in pairwise([start, *between, end])]
+
+
 class Outline(NamedTuple):
-    """A closed counter-clockwise loop, and the index of the segment on each edge of the polygon, None without one."""
+    """A closed counter-clockwise loop, and the indices of the segments on each side of the polygon, perhaps none."""
 
     loop: list[Segment]
-    edges: list[int | None]
+    edges: list[tuple[int, ...]]
 
 
-def rounded(corners: Sequence[complex], radii: Sequence[float]) -> Outline:
+def rounded(corners: Sequence[complex], radii: Sequence[float], bows: Sequence[float] = ()) -> Outline:
     """Polygon with fillets of `radii`, mm, 0 for none; the corners may go round in either sense.
+
+    bows : mm, of the sides from each corner to the next, as `bowed`; 0 for a straight side.
 
     Raises ValueError with the index of a corner and the expectation that it misses.
     """
     n = len(corners)
-    if sum((a.conjugate() * b).imag for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)) < 0:
+    bows = bows or [0.0] * n
+    following = [*corners[1:], corners[0]]
+    for k, (corner, after) in enumerate(zip(corners, following, strict=True)):
+        if abs(after - corner) <= SHORTEST:
+            raise ValueError(k, "a corner that differs from the next")
+    sides = [bowed(*side) for side in zip(corners, following, bows, strict=True)]
+    if area([segment for side in sides for segment in side]) < 0:
         try:
-            loop, edges = rounded(corners[::-1], radii[::-1])
+            loop, edges = rounded(corners[::-1], radii[::-1], [-bows[(n - 2 - k) % n] for k in range(n)])
         except ValueError as error:
             raise ValueError(n - 1 - error.args[0], error.args[1]) from None
         return Outline(loop, [edges[(n - 2 - k) % n] for k in range(n)])
-    sides = [corners[(k + 1) % n] - corners[k] for k in range(n)]
+    tangents = _tangents(sides, radii)
+    loop, edges = list[Segment](), list[tuple[int, ...]]()
     for k, side in enumerate(sides):
-        if abs(side) <= SHORTEST:
-            raise ValueError(k, "a corner that differs from the next")
-    turns = [cmath.phase(sides[k] / sides[k - 1]) for k in range(n)]
-    for k, turn in enumerate(turns):
+        end = (k + 1) % n
+        ahead = complex(side[-1].tangent(1.0))
+        start, stop = side[0].start + tangents[k] * ahead, side[-1].end - tangents[end] * ahead
+        kept = polyline(start, stop) if tangents[k] or tangents[end] else side
+        edges.append(tuple(range(len(loop), len(loop) + len(kept))))
+        loop += kept
+        if tangents[end] > SHORTEST:
+            turn = cmath.phase(complex(sides[end][0].tangent(0.0)) / ahead)
+            centre = stop + 1j * ahead * math.copysign(radii[end], turn)
+            beyond = following[k] + tangents[end] * complex(sides[end][0].tangent(0.0))
+            loop.append(Segment(stop if kept else start, beyond, centre))
+    return Outline(loop, edges)
+
+
+def _tangents(sides: Sequence[list[Segment]], radii: Sequence[float]) -> list[float]:
+    """Return the lengths, mm, that the fillets take from the sides at each corner.
+
+    Raises ValueError as `rounded`.
+    """
+    tangents = list[float]()
+    for k, radius in enumerate(radii):
+        before, after = sides[k - 1][-1], sides[k][0]
+        turn = cmath.phase(complex(after.tangent(0.0)) / complex(before.tangent(1.0)))
         if abs(turn) > np.pi - 1e-6:
             raise ValueError(k, "a corner at which the outline does not turn back")
-    tangents = [radius * math.tan(abs(turn) / 2) for radius, turn in zip(radii, turns, strict=True)]
+        if radius and (before.centre is not None or after.centre is not None):
+            raise ValueError(k, "no fillet at the end of an arc; draw the fillet as an arc of its own")
+        tangents.append(radius * math.tan(abs(turn) / 2))
     for k, side in enumerate(sides):
-        ends = (k, (k + 1) % n)
-        if sum(tangents[end] for end in ends) > abs(side) + SHORTEST:
+        ends = (k, (k + 1) % len(sides))
+        if sum(tangents[end] for end in ends) > side[0].length + SHORTEST:
             worst, other = sorted(ends, key=lambda end: -tangents[end])
-            most = max(abs(side) - tangents[other], 0.0) * radii[worst] / tangents[worst]
+            most = max(side[0].length - tangents[other], 0.0) * radii[worst] / tangents[worst]
             raise ValueError(worst, f"a fillet of at most {most:.4g} mm, together with that of the next corner")
-    ahead = [side / abs(side) for side in sides]
-    starts = [corner + tangent * a for corner, tangent, a in zip(corners, tangents, ahead, strict=True)]
-    loop, edges = list[Segment](), list[int | None]()
-    for k in range(n):
-        end = (k + 1) % n
-        stop = corners[end] - tangents[end] * ahead[k]
-        edges.append(len(loop) if abs(stop - starts[k]) > SHORTEST else None)
-        loop += polyline(starts[k], stop)
-        if tangents[end] > SHORTEST:
-            centre = stop + 1j * ahead[k] * math.copysign(radii[end], turns[end])
-            loop.append(Segment(stop if edges[-1] is not None else starts[k], starts[end], centre))
-    return Outline(loop, edges)
+    return tangents
 
 
 def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outline:

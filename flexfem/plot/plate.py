@@ -45,6 +45,7 @@ from flexfem.units import DEGREE, LENGTH, STRESS
 
 HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
+ALONG_EDGE = np.linspace(0, 1, 33)  # points of a clamped edge, per length
 COARSE = 2e-4  # deviation of a drawn polygon, per extent
 CROSS = 0.07  # length of the axes at the output relative to the size
 MOST_MISSING = 4  # in the header of an unfinished drawing
@@ -106,7 +107,7 @@ def draw_plate(ax: Axes, plate: Stage | Mechanism, layout: Layout | None = None)
     for number, body in enumerate(layout.bodies):
         polygon = body_polygon(layout, number, refuse=False)
         _fill(ax, polygon, RIGID if body.fixed else PALE, "////" if body.fixed else "")
-        lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
+        lines = [[xy(z) for z in body.outline[k].at(ALONG_EDGE).tolist()] for k in body.clamped]
         ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
     for joint in layout.joints:
         _fill(ax, joint_polygon(joint), HINGE)
