@@ -23,6 +23,7 @@ from flexfem.questions.bands import levels
 from flexfem.questions.plates import Responses, model_of, parts_of, responses, solved, thickness_of
 from flexfem.questions.setup import Mesh, ModelAnswer
 from flexfem.refused import ComputationFailed
+from flexfem.results import STRESS, Quantity
 from flexfem.units import DIRECTIONS
 
 UNKNOWN = "unknown"  # kind of an end that finite elements do not reach
@@ -36,6 +37,15 @@ OF_THE_PEAK = 0.02  # of the change of the stress, where bending and tension con
 MOST_CHECKS = 2
 CLOSE = 0.06  # of a displacement: a larger step is followed by other finite elements
 OF_THE_STEP = 0.1  # of the step from the displacement of finite elements to the limit, by powers
+
+RANGE_LABELS = {"others": ("held", "free"), "sense": ("positive", "negative")}
+RANGE = Quantity(
+    "range of the output until a limit", "motion", ("others", "sense", "direction"), STRESS, only="mechanism",
+    note="at finite displacements, driven along one direction from rest, the other directions held or free",
+)  # fmt: skip
+RANGE_FORCE = Quantity(
+    "force at the end of the range", "wrench", ("others", "sense", "direction"), STRESS, only="mechanism"
+)
 
 
 class RangeEnd(NamedTuple):

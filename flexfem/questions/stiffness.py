@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import compress
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.finite import buckling_factors
-from flexfem.analytic.model import analyse
+from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse
 from flexfem.arrays import Array, free_stiffness, is_largest
 from flexfem.fem.body_stress import moving_bodies
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
@@ -28,7 +28,7 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid_bands, stress_bands
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
-from flexfem.questions.ranges import described, ranges, yielding_bodies
+from flexfem.questions.ranges import RANGE, RANGE_FORCE, RANGE_LABELS, described, ranges, yielding_bodies
 from flexfem.questions.reach import of_mechanism, reach
 from flexfem.questions.setup import DEFAULT, ELASTIC, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
@@ -41,7 +41,6 @@ HELD = "plane strain"  # label of the stiffer of the plane problems that bound t
 MATRIX, NECKS, BY_DIRECTION = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
 HINGE = ("chain", "hinge")
 UNIT_POSES = dict(zip(DIRECTIONS, np.eye(3), strict=True))
-Loads: TypeAlias = Callable[[Array], Array | None]  # returns the requested load for a stiffness
 
 
 class Stiffness(Result):
@@ -49,7 +48,7 @@ class Stiffness(Result):
 
     title = "stage at rest"
     main = ("free", {})
-    labels: ClassVar = {"others": ("held", "free"), "sense": ("positive", "negative")}
+    labels: ClassVar = RANGE_LABELS
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
     held = Quantity(
@@ -60,13 +59,8 @@ class Stiffness(Result):
         "stiffness, other directions free", "stiffness", ("model", "direction"), COARSER,
         note="1 / C_ii, of the diagonal of the compliance matrix",
     )  # fmt: skip
-    range = Quantity(
-        "range of the output until a limit", "motion", ("others", "sense", "direction"), STRESS, only="mechanism",
-        note="at finite displacements, driven along one direction from rest, the other directions held or free",
-    )  # fmt: skip
-    range_force = Quantity(
-        "force at the end of the range", "wrench", ("others", "sense", "direction"), STRESS, only="mechanism"
-    )
+    range = RANGE
+    range_force = RANGE_FORCE
     range_stress = Quantity(
         "highest hinge stress at the end of the range", "mpa", ("others", "sense", "hinge", "direction"), STRESS, "all",
         only="mechanism",
@@ -146,7 +140,7 @@ class Summary(Result):
 
     title = "summary"
     main = ("free", {})
-    labels: ClassVar = {"others": ("held", "free"), "sense": ("positive", "negative")}
+    labels: ClassVar = RANGE_LABELS
     reading = (
         "range at yield: displacement at the first yield, in a hinge or a body, others held; force at yield: force "
         "along it; both by linear theory, without stretching of hinges and buckling",
@@ -154,13 +148,8 @@ class Summary(Result):
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
     free = Quantity("stiffness, others free", "stiffness", BY_DIRECTION, COARSER)
-    range = Quantity(
-        "range of the output until a limit", "motion", ("others", "sense", "direction"), STRESS, only="mechanism",
-        note="at finite displacements, driven along one direction from rest, the other directions held or free",
-    )  # fmt: skip
-    range_force = Quantity(
-        "force at the end of the range", "wrench", ("others", "sense", "direction"), STRESS, only="mechanism"
-    )
+    range = RANGE
+    range_force = RANGE_FORCE
     yield_range = Quantity("range at yield, linear, ±", "motion", BY_DIRECTION, STRESS)
     yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, STRESS)
     stress = Quantity("hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all")
@@ -224,102 +213,204 @@ def stiffness(
     0.641
     """
     mesh = plates.mesh_of(stage, models, resolution, layers)
-    if force is not None and displacement is not None:
-        raise BadInput("force and displacement, expected one of the two")
-    load = None if force is None else arguments.forces("force", force, 1)
-    held = None if displacement is None else arguments.poses("displacement", displacement, 1)
-    point_load = None
-    if force_at:
-        if held is not None:
-            raise BadInput("displacement and force_at, expected one of the two")
-        point_load = _at_points(stage.layout, force_at)
-        load = np.ravel(point_load) if load is None else np.ravel(point_load) + np.pad(load, (0, point_load.size - 3))
-
-    def load_for(K: Array) -> Array | None:
-        return load if held is None else np.asarray(K @ held)
-
-    warnings, notes, settings, others = warning.of_numbers(stage), list[str](), dict[str, Any](), dict[str, Array]()
-    if isinstance(stage, Stage):
-        chosen = analytic.chosen(stage, warnings, models)
-        if models != "elements":
-            result = analyse(*chosen)
-            others = {f"hinge_{name}": getattr(result.hinges, name) for name in ("rotation", "axial", "shear")}
-            settings["analytic model"] = chosen.name
-            notes.append(f"hinge formula {result.formula}: {FORMULAS[result.formula].source}")
-            notes.append(warning.stress_accuracy(result.formula, result.links, result.plane))
-            warnings += warning.of_result(chosen.stage, result)
-        if (thickness := warning.stiffer_by_thickness(stage)) is not None:
-            others["thickness"] = thickness
-        if mesh is not None:
-            warnings += (warning.held_faces if mesh.layers else warning.of_thickness)(stage)
+    load = _asked(stage.layout, force, displacement, force_at)
+    stated = warning.of_numbers(stage)
+    network = _network_of_stage(stage, analytic, models, stated) if isinstance(stage, Stage) else None
 
     def of_network(elastic: bool) -> Values:
-        if isinstance(stage, Mechanism):
-            return _values(stage, plates.network(stage, elastic), load_for)
-        C = result.compliance
-        return _values(stage, Responses(C, lambda loads: result.neck_stress(chosen.stage, loads @ C)), load_for)
+        if network is not None:
+            return _values(stage, network.responses, load)
+        assert isinstance(stage, Mechanism)
+        return _values(stage, plates.network(stage, elastic), load)
 
     def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
-        values = _values(stage, plates.elements(stage, resolution, layers, thick), load_for)
+        values = _values(stage, plates.elements(stage, resolution, layers, thick), load)
         if isinstance(stage, Stage) and "force" in values:
-            response = plates.solved(stage, resolution, layers)
-            values["reaction"] = values["force"] @ response.reactions
-            if layers:
-                values["neck_height"] = neck_stresses(stage, response, values["force"][None]).height[0]
+            values |= _of_ground(stage, Mesh(resolution, layers), values["force"])
         return values
 
     found = plates.by_models(stage, mesh, models, of_network, of_size, progress, partial(_bands, stage))
-    if mesh is not None and isinstance(stage, Stage):
-        found = _with_bounds(stage, mesh, found)
-    if ELASTIC in found:
-        rigid, elastic = (found[model].values["free"] for model in (ANALYTIC, ELASTIC))
-        if soft := ", ".join(compress(DIRECTIONS, rigid > 2 * elastic)):
-            warnings.append(f"in {soft}, bodies are more compliant than hinges: {HINGES_ALONE}")
-    last, fields = list(found.values())[-1].values, None
-    if point_load is not None:
-        others["point_load"] = point_load
-    if isinstance(stage, Mechanism) and ANALYTIC in found:
-        others["buckling_load"] = buckling_loads(stage.layout)
-        warnings += _of_buckling(others["buckling_load"], last)
-    if mesh is not None and "body_rate" in last:
-        warnings += plates.left_out_corners(stage.layout, plates.meshed(stage, levels(mesh.resolution)[0]))
-        notes.append(_first_yields(stage.layout, last))
-    widths = dict[str, Array]()
-    if stage.layout.joints and isinstance(stage, Mechanism):
-        try:
-            reached = ranges(stage, mesh, found)
-        except ComputationFailed as failure:
-            warnings.append(f"no range at finite displacements: {failure}")
-        else:
-            for name, which in (("range", "displacement"), ("range_force", "force")):
-                others[name] = reached.array(which)
-                widths[name] = reached.array(f"{which}_band")
-            others["range_stress"] = np.moveaxis(reached.array("stress"), -1, 2)
-            notes += described(stage.layout, reached)
-            warnings += yielding_bodies(list(found.values())[-1], stage.material.yield_strength)
-    if "force" in last:
-        stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
-        warnings += plates.over_yield(stage, found, stress, "under this load")
-        loads = last["force"] if load is None else load
-        fields = None if mesh is None else _fields(stage, mesh, last, loads)
+    parts = [_Part(warnings=stated)]
     if isinstance(stage, Stage):
-        poses = {
-            f"end of the range at yield in {axis}": last["yield_range"] * unit for axis, unit in UNIT_POSES.items()
-        }
-        for where, pose in ({"under this load": last["pose"]} | poses if "pose" in last else poses).items():
-            warnings += warning.of_motion(stage, pose, where)
-    return setup.answer(
-        Stiffness,
-        stage,
-        found,
-        mesh,
-        settings,
-        others,
-        bands=widths,
-        warnings=warnings,
-        notes=notes,
-        fields=fields,
-    )
+        if mesh is not None:
+            found = _with_bounds(stage, mesh, found)
+        parts += [_of_stage(stage, mesh, network), _under_load(stage, found), _of_motions(stage, found)]
+    else:
+        parts += [_soft_bodies(found), _buckling(stage, found), _body_yields(stage, mesh, found)]
+        parts += [_ranges(stage, mesh, found), _under_load(stage, found)]
+    last = list(found.values())[-1].values
+    fields = None
+    if mesh is not None and "force" in last:
+        fields = _fields(stage, mesh, last, last["force"] if load.on_ports is None else load.on_ports)
+    at_points = {} if load.at_points is None else {"point_load": load.at_points}
+    return setup.answer(Stiffness, stage, found, mesh, fields=fields, **_joined([*parts, _Part(at_points)]))
+
+
+class _Load(NamedTuple):
+    """The load that is asked for: on the first ports (n,), or a displacement (3,) of the output that it causes.
+
+    at_points : (points, 3), the part of the load that is stated at points.
+    """
+
+    on_ports: Array | None = None
+    displacement: Array | None = None
+    at_points: Array | None = None
+
+    def of(self, stiffness: Array) -> Array | None:
+        """Return the load (n,) on the first ports, for an output of stiffness (3, 3); None if no load is asked for."""
+        return self.on_ports if self.displacement is None else np.asarray(stiffness @ self.displacement)
+
+
+class _Part(NamedTuple):
+    """A part of an answer: values and bands of all models by quantity, settings, warnings and notes."""
+
+    values: Mapping[str, Any] = setup.NOTHING
+    bands: Mapping[str, Any] = setup.NOTHING
+    settings: Mapping[str, Any] = setup.NOTHING
+    warnings: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+
+def _joined(parts: Sequence[_Part]) -> dict[str, Any]:
+    """Return parts of an answer as arguments of `setup.answer`."""
+    return {
+        "values": {name: array for part in parts for name, array in part.values.items()},
+        "bands": {name: array for part in parts for name, array in part.bands.items()},
+        "settings": {name: text for part in parts for name, text in part.settings.items()},
+        "warnings": [text for part in parts for text in part.warnings],
+        "notes": [text for part in parts for text in part.notes],
+    }
+
+
+class _StageNetwork(NamedTuple):
+    """The analytic model of a stage, whose plane problem may differ from that of its file, and its solution."""
+
+    chosen: ModelChoice
+    result: AnalyticResult
+
+    @property
+    def responses(self) -> Responses:
+        """Compliance and neck stress per load on the platform."""
+        C = self.result.compliance
+        return Responses(C, lambda loads: self.result.neck_stress(self.chosen.stage, loads @ C))
+
+
+def _network_of_stage(stage: Stage, analytic: Analytic, models: Models, warnings: list[str]) -> _StageNetwork | None:
+    """Return the analytic model of a stage; append warnings of its charts. Without analytic models it is checked."""
+    chosen = analytic.chosen(stage, warnings, models)
+    return None if models == "elements" else _StageNetwork(chosen, analyse(*chosen))
+
+
+def _of_stage(stage: Stage, mesh: Mesh | None, network: _StageNetwork | None) -> _Part:
+    """Return what only the nine-hinge stage has: its formula, its chart of hinges, and the effect of its thickness."""
+    values, settings = dict[str, Array](), dict[str, Any]()
+    warnings, notes = list[str](), list[str]()
+    if network is not None:
+        result = network.result
+        values |= {f"hinge_{name}": getattr(result.hinges, name) for name in ("rotation", "axial", "shear")}
+        settings["analytic model"] = network.chosen.name
+        notes.append(f"hinge formula {result.formula}: {FORMULAS[result.formula].source}")
+        notes.append(warning.stress_accuracy(result.formula, result.links, result.plane))
+        warnings += warning.of_result(network.chosen.stage, result)
+    thickness = warning.stiffer_by_thickness(stage)
+    if thickness is not None:
+        values["thickness"] = thickness
+    if mesh is not None:
+        warnings += warning.held_faces(stage) if mesh.layers else warning.of_thickness(stage)
+    return _Part(values, settings=settings, warnings=warnings, notes=notes)
+
+
+def _of_ground(stage: Stage, mesh: Mesh, force: Array) -> Values:
+    """Return the reaction of the ground on a stage under a load (3,), and where its necks are stressed most."""
+    response = plates.solved(stage, *mesh)
+    found: Values = {"reaction": force @ response.reactions}
+    if mesh.layers:
+        found["neck_height"] = neck_stresses(stage, response, force[None]).height[0]
+    return found
+
+
+def _of_motions(stage: Stage, found: Mapping[str, ModelAnswer]) -> _Part:
+    """Warn of stages that leave small displacements, under the load or at the ends of the ranges at yield."""
+    last = list(found.values())[-1].values
+    poses = {"under this load": last["pose"]} if "pose" in last else {}
+    for axis, unit in UNIT_POSES.items():
+        poses[f"end of the range at yield in {axis}"] = last["yield_range"] * unit
+    return _Part(warnings=[text for where, pose in poses.items() for text in warning.of_motion(stage, pose, where)])
+
+
+def _soft_bodies(found: Mapping[str, ModelAnswer]) -> _Part:
+    """Warn of directions in which the bodies, which the analytic model takes as rigid, are softer than the hinges."""
+    if ELASTIC not in found:
+        return _Part()
+    rigid, elastic = (found[model].values["free"] for model in (ANALYTIC, ELASTIC))
+    soft = ", ".join(compress(DIRECTIONS, rigid > 2 * elastic))
+    return _Part(warnings=[f"in {soft}, bodies are more compliant than hinges: {HINGES_ALONE}"] * bool(soft))
+
+
+def _buckling(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> _Part:
+    """Return the loads at which hinges buckle by the analytic model, and warn of those below the forces at yield."""
+    if ANALYTIC not in found:
+        return _Part()
+    loads = buckling_loads(mechanism.layout)
+    return _Part({"buckling_load": loads}, warnings=_of_buckling(loads, list(found.values())[-1].values))
+
+
+def _body_yields(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> _Part:
+    """Name the part that yields first by finite elements, and the corners near which no stress is stated."""
+    last = list(found.values())[-1].values
+    if mesh is None or "body_rate" not in last:
+        return _Part()
+    left_out = plates.left_out_corners(mechanism.layout, plates.meshed(mechanism, levels(mesh.resolution)[0]))
+    return _Part(warnings=left_out, notes=[_first_yields(mechanism.layout, last)])
+
+
+def _ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> _Part:
+    """Return the ranges at finite displacements, and name their limits."""
+    if not mechanism.layout.joints:
+        return _Part()
+    try:
+        reached = ranges(mechanism, mesh, found)
+    except ComputationFailed as failure:
+        return _Part(warnings=[f"no range at finite displacements: {failure}"])
+    values = {
+        "range": reached.array("displacement"),
+        "range_force": reached.array("force"),
+        "range_stress": np.moveaxis(reached.array("stress"), -1, 2),
+    }
+    bands = {"range": reached.array("displacement_band"), "range_force": reached.array("force_band")}
+    warned = yielding_bodies(list(found.values())[-1], mechanism.material.yield_strength)
+    return _Part(values, bands, warnings=warned, notes=described(mechanism.layout, reached))
+
+
+def _under_load(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer]) -> _Part:
+    """Warn of stress beyond the yield strength under the load."""
+    if "force" not in list(found.values())[-1].values:
+        return _Part()
+    stress = "neck_stress" if isinstance(plate, Stage) else "hinge_stress"
+    return _Part(warnings=plates.over_yield(plate, found, stress, "under this load"))
+
+
+def _asked(
+    layout: Layout,
+    force: Sequence[float] | None,
+    displacement: Sequence[float] | None,
+    force_at: Mapping[str, Sequence[float]] | Sequence[str] | None,
+) -> _Load:
+    """Return the load that is asked for. Raises BadInput."""
+    if displacement is not None:
+        if force is not None:
+            raise BadInput("force and displacement, expected one of the two")
+        if force_at:
+            raise BadInput("displacement and force_at, expected one of the two")
+        return _Load(displacement=arguments.poses("displacement", displacement, 1))
+    on_output = None if force is None else arguments.forces("force", force, 1)
+    if not force_at:
+        return _Load(on_output)
+    at_points = _at_points(layout, force_at)
+    on_ports = np.ravel(at_points).copy()
+    if on_output is not None:
+        on_ports[:3] += on_output
+    return _Load(on_ports, at_points=at_points)
 
 
 def _at_points(layout: Layout, stated: Mapping[str, Sequence[float]] | Sequence[str]) -> Array:
@@ -439,10 +530,12 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
     return values
 
 
-def _values(plate: Stage | Mechanism, response: Responses, load_for: Loads) -> dict[str, Any]:
+def _values(plate: Stage | Mechanism, response: Responses, load: _Load) -> dict[str, Any]:
     """Return the values at rest, and those under the load if there is one."""
-    values, C = of_ports(plate, response), response.compliance
-    if (F := load_for(values["stiffness"])) is not None:
+    values = of_ports(plate, response)
+    C = response.compliance
+    F = load.of(values["stiffness"])
+    if F is not None:
         loads = np.zeros(len(C))
         loads[: len(F)] = F  # on the output, or on all points
         motions = C @ loads
