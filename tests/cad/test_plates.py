@@ -114,6 +114,7 @@ def test_a_mesh_holds_bodies_hinges_and_unit_loads(nod, folder):
     assert len(loads) == 6
 
 
+@pytest.mark.slow
 def test_drawings_name_the_parts_and_show_the_displacement(nod, folder):
     (ax,) = drawing_figure(nod).axes
     assert {"base", "head", "neck", "output", "corner", "X", "Y"} < {text.get_text() for text in ax.texts}

@@ -89,6 +89,7 @@ def test_an_array_that_is_designed_in_part_goes_on_being_assumed(load):
     assert Stage.model_validate(tomllib.loads(long.to_toml())).assumed == stage.assumed
 
 
+@pytest.mark.slow
 def test_what_symmetry_makes_zero_is_zero(load):
     """A coupling, even with its end at zero, and an expression of it, of alike chains; not a sum with what is along."""
     ends = {"kxt_n": 0.0, "abs(2 * kxy_n_per_mm)": 1.0, "kxx_n_per_mm + kxy_n_per_mm": 90.0}

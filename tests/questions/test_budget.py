@@ -139,6 +139,7 @@ def test_budget_of_a_mechanism_separates_bodies_hinges_and_their_joining():
     assert np.all((hinges > 9) & (hinges < 12)) and np.all((joining > 0) & (joining < 0.012 * (100 + total)))
 
 
+@pytest.mark.slow
 def test_stiffness_budget_and_report_state_one_error_of_a_lever_where_it_moves_and_none_where_it_is_held():
     """Along x two leaves hold the output 150 times as stiffly as along y, where the drive moves it by a lever."""
     lever = flexfem.load(ROOT / "geometry" / "lever-amplifier.toml")

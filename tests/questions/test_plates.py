@@ -59,6 +59,7 @@ def test_one_quadratic_triangle_across_the_middle_of_a_leaf_is_enough():
     np.testing.assert_allclose(coarse, fine, rtol=4e-4)
 
 
+@pytest.mark.slow
 def test_bands_of_the_stiffness_with_the_other_directions_free_contain_that_of_a_much_finer_mesh():
     mechanism = flexfem.load(ROOT / "geometry" / "parallelogram.toml")
     usual, fine = (flexfem.stiffness(mechanism, models="elements", resolution=n) for n in (4, 10))
@@ -79,15 +80,16 @@ def test_a_quarter_ring_without_hinges_has_the_compliance_of_a_curved_beam():
 def test_bodies_more_compliant_than_hinges_are_named():
     """A stage as thin as its leaves."""
     bodies = [GUIDE["body"][0], {"name": "stage", "path_mm": [[-17, 17.5], [17, 17.5]], "width_mm": 1}]
-    found = flexfem.stiffness(Mechanism.model_validate(GUIDE | {"body": bodies}))
+    found = flexfem.stiffness(Mechanism.model_validate(GUIDE | {"body": bodies, "model": "plane_stress"}))
     assert "in y, theta, bodies are more compliant than hinges" in [text.partition(":")[0] for text in found.warnings]
 
 
 def test_a_hinge_with_too_many_triangles_is_refused_before_it_is_meshed():
     """With eight triangles across the necks by `check`, with more by the question."""
+    plane = GUIDE | {"model": "plane_stress"}
     thin, thinnest = ([one | {"neck_mm": neck} for one in GUIDE["hinge"]] for neck in (0.01, 1e-5))
     with pytest.raises(ComputationFailed, match=r"^a needs about .* triangles, expected at most 1e\+06"):
-        flexfem.stiffness(Mechanism.model_validate(GUIDE | {"hinge": thin}), models="elements", resolution=64)
+        flexfem.stiffness(Mechanism.model_validate(plane | {"hinge": thin}), models="elements", resolution=64)
     with pytest.raises(BadInput, match=r"finite elements need about .* for a, 1e-05 mm wide, expected"):
         flexfem.check(Mechanism.model_validate(GUIDE | {"hinge": thinnest}))
 
@@ -108,6 +110,7 @@ def test_bands_of_hinge_stresses_contain_those_of_a_much_finer_mesh(question):
     assert np.all(usual.bands["stress"] <= 0.5 * np.max(usual.values["stress"]))  # 0.42: the band says something
 
 
+@pytest.mark.slow
 def test_a_mass_on_a_bar_vibrates_out_of_the_plane_with_the_stiffness_of_a_timoshenko_cantilever():
     """A bar 2 mm wide and 4 mm thick, 40 mm long, and 1 kg at 3 mm from its end; the lowest mode is in the plane."""
     bar = GUIDE | {"thickness_mm": 4, "payload": {"mass_g": 1000}, "output": {"body": "stage", "at_mm": [0, 43]}}
@@ -175,6 +178,7 @@ def test_a_bar_sags_in_its_plane_and_out_of_it_as_a_timoshenko_cantilever():
         flexfem.gravity(bar, models="analytic")
 
 
+@pytest.mark.slow
 def test_modes_of_a_stage_with_four_equal_chains_move_it_along_x_then_y_or_not_at_all():
     """Symmetry makes the translations equal, and in modes 4 and 5 opposite chains move against each other."""
     found = flexfem.modes(flexfem.load("geometry/four-chains.toml"), models="elements", resolution=4)
@@ -222,6 +226,7 @@ def test_a_largest_strain_or_stress_at_sharp_roots_is_printed_with_the_warning_t
         assert sum("hinges with sharp inner corners (a, b)" in text for text in found.warnings) == warned
 
 
+@pytest.mark.slow
 def test_plane_is_plane_stress_but_not_where_the_file_says_plane_strain():
     guide = Mechanism.model_validate(GUIDE)
     strain = guide.replace(model="plane_strain")

@@ -310,6 +310,7 @@ def test_the_least_band_of_a_highest_stress_falls_with_the_square_of_the_resolut
 ASKED = ("modes.frequency.1.finite_elements", "stiffness.yield_range.finite_elements.theta")
 
 
+@pytest.mark.slow
 def test_a_column_of_a_study_and_its_band_have_one_unit(mechanism, tmp_path):
     path = tmp_path / "study.toml"
     path.write_text(
