@@ -22,6 +22,7 @@ from flexfem.fem.structure import Structure, structure
 from flexfem.refused import ComputationFailed
 
 ITERATIONS = 25  # of one load step
+STALLED = 3  # iterations after the smallest one, from which the load step is halved: no equilibrium is near
 ALL_ITERATIONS = 1000  # of one load; a stage takes 4 to 6
 ALL = (0, 1, 2)  # ports of a hub that is held
 SMALLEST = 1 / 1024  # load step, as a share of the way from one load to the next
@@ -369,10 +370,13 @@ def _newton(
     model: LargeStructure, state: State, goal: Array, held: Sequence[int], scale: float
 ) -> tuple[_Step | None, int]:
     """Return the step to equilibrium at `goal`, or None; its size is relative to an energy of at least `scale`."""
-    last = 1.0
+    last, smallest, smallest_at = 1.0, np.inf, 0
     for iteration in range(1, ITERATIONS + 1):
         step = _step(model, state, goal, held)
-        if not step.change <= LARGEST_CHANGE:
+        if step.size < smallest:
+            smallest = step.size
+            smallest_at = iteration
+        if not step.change <= LARGEST_CHANGE or iteration - smallest_at >= STALLED:
             return None, iteration
         energy = max(scale, step.energy, step.size**2)
         size = step.size / float(np.sqrt(energy)) if step.size > 0.0 else 0.0

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, mirrored, nodal_stress, sheet, von_mises
+from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, mirrored, nodal_stress, sheet
 from flexfem.fem.factor import condense, dense
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.plate_bodies import part_mesh
@@ -24,6 +24,7 @@ from flexfem.mechanism.layout import Layout
 
 REACH = 0.5  # of the height of an end: distance into a body over which the stress of the hinge spreads
 FEW_LAYERS = 2  # in half the thickness, for the band
+TURNED = (-1.0, -1.0, 1.0)  # signs of twists and wrenches after half a turn
 MANY_LAYERS = 4  # compliances of leaves and notches are within 0.1 % of those with 8 layers for b/t up to 80
 
 
@@ -33,8 +34,9 @@ class ThickHinge(NamedTuple):
     change : (3, 3), of the compliance at the centre of the hinge, in its axes, with ends that keep their thickness.
     coarser : (3, 3), the same with few layers.
     loose : (3, 3), the same as `change` with ends that are free to contract along z.
-    plane : (3, p, 2, 2), stress, MPa, in plane stress at p nodes of the hinge, of unit loads N, V, M at its centre.
-    solid : (3, p, m, 3, 3), the same in three dimensions at m heights.
+    plane : (p, 3, 3), squares of the von Mises stress, MPa^2, in plane stress at p nodes of the hinge: quadratic forms
+        of the loads N, V, M at its centre.
+    solid : (p m, 3, 3), the same in three dimensions at m heights.
     """
 
     change: Array
@@ -46,29 +48,37 @@ class ThickHinge(NamedTuple):
     def stress_ratio(self, wrenches: Array) -> Array:
         """Ratio (...) of the highest stress in three dimensions to that in plane stress, of wrenches (..., 3)."""
         flat = wrenches.reshape(-1, 3)
-        highest = [
-            von_mises(np.tensordot(flat, stress, axes=1)).reshape(len(flat), -1).max(axis=1)
-            for stress in (self.plane, self.solid)
-        ]
-        loaded = highest[0] > 0
+        products = (flat[:, :, None] * flat[:, None]).reshape(-1, 9)
+        plane, solid = (np.max(forms.reshape(-1, 9) @ products.T, axis=0) for forms in (self.plane, self.solid))
+        loaded = plane > 0
         ratio = np.ones(len(flat))
-        ratio[loaded] = highest[1][loaded] / highest[0][loaded]
+        ratio[loaded] = np.sqrt(solid[loaded] / plane[loaded])
         return ratio.reshape(wrenches.shape[:-1])
+
+    def turned(self) -> ThickHinge:
+        """Return the hinge turned by half a turn, so that its near end is the far one.
+
+        Forces and displacements in the plane change their sign, moments and rotations do not.
+        """
+        signs = np.outer(TURNED, TURNED)
+        return ThickHinge(*(part * signs for part in self))
 
 
 def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
-    """Solve every hinge of a layout in three dimensions; hinges of equal profile are solved once.
+    """Solve every hinge of a layout in three dimensions; hinges of equal profile, also turned, are solved once.
 
     mesh : of the layout, as for `plate_bodies.body_compliances`.
     """
-    found = dict[tuple[object, ...], ThickHinge]()
-    keys = [
-        (joint.profile, joint.cut, *(layout.bodies[body].fixed for body in joint.bodies)) for joint in layout.joints
-    ]
-    for number, key in enumerate(keys):
+    found, hinges = dict[tuple[object, ...], ThickHinge](), list[ThickHinge]()
+    for number, joint in enumerate(layout.joints):
+        ends = [layout.bodies[body].fixed for body in joint.bodies]
+        key = (joint.profile, joint.cut, *ends)
         if key not in found:
             found[key] = _thick_hinge(layout, mesh, number)
-    return tuple(found[key] for key in keys)
+        if joint.profile.even:
+            found.setdefault((joint.profile, joint.cut, *reversed(ends)), found[key].turned())
+        hinges.append(found[key])
+    return tuple(hinges)
 
 
 def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
@@ -90,9 +100,19 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
         _change(plane.compliance, solid.compliance),
         _change(plane.compliance, coarser.compliance),
         _change(plane.compliance, solid.loose),
-        nodal_stress(part, plate_of_layout(layout), plane.fields, of_hinge),
-        nodal_stress(part, plate, solid.fields, of_hinge, many),
+        _von_mises_forms(nodal_stress(part, plate_of_layout(layout), plane.fields, of_hinge)),
+        _von_mises_forms(nodal_stress(part, plate, solid.fields, of_hinge, many)),
     )
+
+
+def _von_mises_forms(stress: Array) -> Array:
+    """Quadratic forms (n, 3, 3) of the square of the von Mises stress, of the stress (3, ..., d, d) of three loads."""
+    axes = stress.shape[-1]
+    tensors = np.zeros((3, stress[0, ..., 0, 0].size, 3, 3))
+    tensors[..., :axes, :axes] = stress.reshape(3, -1, axes, axes)
+    pressure = np.trace(tensors, axis1=2, axis2=3) / 3
+    deviators = tensors - pressure[..., None, None] * np.eye(3)
+    return np.asarray(1.5 * np.einsum("inab,jnab->nij", deviators, deviators, optimize=True))
 
 
 def _change(plane: Array, solid: Array) -> Array:

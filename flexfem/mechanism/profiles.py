@@ -178,6 +178,11 @@ class Profile:
         return (*(-x for x in reversed(ends)), 0.0, *ends)
 
     @property
+    def even(self) -> bool:
+        """Whether both halves of the profile are alike."""
+        return True
+
+    @property
     def section(self) -> float:
         """Position, mm, of the section near the middle of the axis that edges of triangles follow."""
         return 0.0
@@ -590,6 +595,10 @@ class Tabulated(Profile):
     def breaks(self) -> tuple[float, ...]:
         x = self._rows[0]
         return tuple(np.concatenate([x[x < -SHORTEST], [0.0], x[x > SHORTEST]]).tolist())
+
+    @property
+    def even(self) -> bool:
+        return all(np.allclose(each, sign * each[::-1]) for each, sign in zip(self._rows, (-1, 1), strict=True))
 
     @property
     def section(self) -> float:

@@ -187,8 +187,12 @@ class Thickened(NamedTuple):
 
     def stress_ratios(self, wrenches: Array) -> Array:
         """Ratios (..., h) of highest stresses to those in plane stress, of hinges under wrenches (..., h, 3)."""
-        ratios = [hinge.stress_ratio(wrenches[..., h, :]) for h, hinge in enumerate(self.hinges)]
-        return 1 + self.share * (np.stack(ratios, axis=-1) - 1)
+        alike, ratios = dict[int, list[int]](), np.ones(wrenches.shape[:-1])
+        for number, hinge in enumerate(self.hinges):
+            alike.setdefault(id(hinge), []).append(number)
+        for numbers in alike.values():
+            ratios[..., numbers] = self.hinges[numbers[0]].stress_ratio(wrenches[..., numbers, :])
+        return 1 + self.share * (ratios - 1)
 
 
 @once

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from flexfem.fem import nonlinear
 from flexfem.fem.elements import Plate
 from flexfem.fem.factor import Factoriser
 from flexfem.fem.nonlinear import LargeStructure, equilibrium, imposed
@@ -181,3 +182,11 @@ def test_strains_beyond_three_tenths_are_refused(stretch, accepted):
     else:
         with pytest.raises(ComputationFailed, match=r"strain of 0\.3\d?, expected at most 0\.3"):
             imposed(mesh, SLENDER, np.array([3.0 * stretch, 0.0, 0.0]))
+
+
+def test_a_load_step_ends_when_its_newton_steps_no_longer_shrink(monkeypatch):
+    """Steps of the size of those near a limit, which come to nothing in 25 iterations either."""
+    sizes = iter([9.0, 0.35, 40.0, 13.0, 0.36, 3.7, 1.2, 4.4])
+    still = nonlinear._Step(None, 0.0, 300.0, 0.02, np.zeros((3, 3)), None)
+    monkeypatch.setattr(nonlinear, "_step", lambda *_: still._replace(size=next(sizes)))
+    assert nonlinear._newton(None, None, np.zeros(1), [0], 0.0) == (None, 5)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flexfem
+import flexfem.fem.thickness as thickness_module
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.thickness import ThickHinge, thick_hinges
 from flexfem.questions.plates import elements, factorised, thickness_of
@@ -13,11 +14,13 @@ from flexfem.questions.plates import elements, factorised, thickness_of
 LAYERS = 2e-3  # of a compliance, by two layers more and another mesh in the plane
 SPREADING = 6e-3  # of a compliance: the tension spreads into the bodies, which are thicker than a leaf is high
 THIN = 3e-3  # of the effect that remains at b/t = 1/4
+SAME_MESH = 6e-4  # of the change of the compliance, on another mesh of the same refinement
+OTHER_MESH = 2e-3  # the same of the highest stress
 ROUND_OFF = 1e-7  # round-off of the condensed stiffness of a hinge: its condition number is about 1e6
 
 
-def leaf(thickness: float, ratio: float = 0.33) -> flexfem.Mechanism:
-    """A leaf of 0.4 x 16 mm with unequal bodies at its ends, turned by 25 degrees."""
+def leaf(thickness: float, ratio: float = 0.33, from_top: bool = False) -> flexfem.Mechanism:
+    """A leaf of 0.4 x 16 mm with unequal bodies at its ends, turned by 25 degrees; drawn from either body."""
     turn = np.exp(1j * np.deg2rad(25))
 
     def at(x: float, y: float) -> tuple[float, float]:
@@ -41,9 +44,9 @@ def leaf(thickness: float, ratio: float = 0.33) -> flexfem.Mechanism:
         hinge=[
             {
                 "name": "leaf",
-                "between": ("base", "top"),
+                "between": ("top", "base") if from_top else ("base", "top"),
                 "at": (0, 0),
-                "direction": np.deg2rad(25),
+                "direction": np.deg2rad(205 if from_top else 25),
                 "shape": "leaf",
                 "neck": 0.4,
                 "length": 16.0,
@@ -75,6 +78,45 @@ def test_bending_of_a_wide_leaf_is_nearly_plane_strain():
     assert -(0.33**2) < held[1] < -0.7 * 0.33**2
     assert loose[0] == pytest.approx(0.0, abs=SPREADING)  # free to contract, a leaf is in plane stress under tension
     assert -(0.33**2) < held[0] < -0.01
+
+
+def test_a_hinge_that_is_drawn_from_its_other_body_is_the_turned_one():
+    """Its ends are unequal, one is fixed: a force and a moment are coupled by the thickness, with another sign."""
+    layout = leaf(20.0, from_top=True).layout
+    one, other = solved_leaf(20.0), thick_hinges(layout, mesh_layout(layout, 4))[0]
+    assert abs(other.change[1, 2]) > 3 * SAME_MESH * np.sqrt(other.change[1, 1] * other.change[2, 2])
+    assert other.change[1, 2] * one.change[1, 2] < 0
+    sizes = np.sqrt(np.outer(np.diag(one.change), np.diag(one.change)))
+    np.testing.assert_allclose(one.turned().change / sizes, other.change / sizes, atol=SAME_MESH)
+    wrenches = np.array([[210.0, -3.0, 40.0], [0.0, 5.0, 31.0], [0.0, 5.0, -31.0]])
+    turned = one.turned().stress_ratio(wrenches)
+    np.testing.assert_allclose(turned, other.stress_ratio(wrenches), rtol=OTHER_MESH)
+    np.testing.assert_allclose(turned, one.stress_ratio(wrenches * [-1, -1, 1]))
+
+
+def test_equal_hinges_are_solved_once_also_where_their_ends_are_exchanged(monkeypatch):
+    """Two leaves from the base to the top, one of which begins at the top, and a third that is thicker."""
+    top = {"name": "top", "path": [(8, -15), (8, 25)], "width": 4}
+    base = {"name": "base", "path": [(-10, -15), (-10, 25)], "width": 4, "fixed": True}
+    drawn = {"shape": "leaf", "neck": 0.4, "length": 14.0, "fillet": 0.3}
+    placed = [(0.0, ("base", "top"), 0.0), (12.0, ("top", "base"), np.pi)]
+    hinges = [
+        {"name": f"at {y:g}", "between": pair, "at": (-1, y), "direction": along} | drawn for y, pair, along in placed
+    ]
+    hinges.append({"name": "thick", "between": ("base", "top"), "at": (-1, 20), "direction": 0.0} | drawn)
+    hinges[-1]["neck"] = 0.5
+    guide = leaf(5.0).replace(body=[base, top], hinge=hinges, output={"body": "top", "at": (8, 5)})
+    solved, any_hinge = list[int](), ThickHinge(*np.random.default_rng(7).normal(size=(5, 3, 3)))
+
+    def counted(layout, mesh, number):
+        solved.append(number)
+        return any_hinge
+
+    monkeypatch.setattr(thickness_module, "_thick_hinge", counted)
+    first, second, _ = thick_hinges(guide.layout, None)
+    assert solved == [0, 2]
+    assert second.change[1, 2] == -first.change[1, 2]
+    assert second.change[0, 1] == first.change[0, 1]
 
 
 def test_thin_leaves_are_in_plane_stress():
