@@ -33,6 +33,11 @@ CASES: list[tuple[str, dict[str, Any]]] = [
     *(("v", {"angle": np.deg2rad(a), "root_radius": 0.5, "depth": 4.0, "neck": 0.5}) for a in (30, 60, 90)),
     *(("leaf", {"length": length, "neck": 0.5}) for length in (2.5, 5.0, 10.0, 25.0)),
     *(("filleted", {"length": 10.0, "neck": 0.5, "fillet": fillet}) for fillet in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)),
+    *(("circular", {"radius": 5.0, "neck": neck, "side": "left"}) for neck in (0.1, 0.5, 1.0, 2.5)),
+    ("elliptical", {"length": 12.0, "depth": 3.0, "neck": 0.5, "side": "left"}),
+    ("parabolic", {"length": 12.0, "depth": 3.0, "neck": 0.5, "side": "left"}),
+    ("v", {"angle": np.deg2rad(60), "root_radius": 0.5, "depth": 4.0, "neck": 0.5, "side": "left"}),
+    *(("filleted", {"length": 10.0, "neck": 0.5, "fillet": fillet, "side": "left"}) for fillet in (0.1, 0.5, 1.0, 2.0)),
     ("profile", {"table": [(x, 0.5 + 0.02 * x**2 + 0.002 * x**4) for x in np.linspace(-6, 6, 25)], "smooth": True}),
     *(("profile", {"table": KNEES, "smooth": smooth}) for smooth in (True, False)),
 ]
@@ -41,11 +46,14 @@ CASES: list[tuple[str, dict[str, Any]]] = [
 def layout_of(profile: Profile) -> Layout:
     """Return a hinge on the x axis between two blocks, the first one clamped at its far edge."""
     near, height = profile.length / 2, max(profile.end_height, 8 * profile.neck)
-    low, far = -0.5j * height, near + height
-    right = polyline(near + low, far + low, far - low, near - low, near + low)
-    left = polyline(-far + low, -near + low, -near - low, -far - low, -far + low)
+    if profile.side:
+        height = profile.end_height  # the straight edge is flush with the blocks
+    middle = 1j * float(profile.middle(np.array(near)))
+    low, high, far = middle - 0.5j * height, middle + 0.5j * height, near + height
+    right = polyline(near + low, far + low, far + high, near + high, near + low)
+    left = polyline(-far + low, -near + low, -near + high, -far + high, -far + low)
     bodies = Body("near", tuple(left), clamped=(3,), width=height), Body("far", tuple(right), width=height)
-    joint = Joint("hinge", (0, 1), 0j, 0.0, profile, height)
+    joint = Joint("hinge", (0, 1), 0j, 0.0, profile, max(height, profile.least_cut))
     points = ("far", Patch(1, 0j)), ("near", Patch(0, 0j))
     return Layout(bodies, (joint,), THICKNESS, E, NU, 2.7e-9, 500.0, points)
 
@@ -69,7 +77,8 @@ def main() -> None:
         profile = profile_of(shape, dimensions)
         sizes = {"length": profile.length, "neck": profile.neck} if shape == "profile" else dimensions
         shape = f"smooth {shape}" if dimensions.get("smooth") else shape
-        name = f"{shape} {', '.join(f'{key} {value:.3g}' for key, value in sizes.items())}"
+        stated = [f"{key} {value if isinstance(value, str) else f'{value:.3g}'}" for key, value in sizes.items()]
+        name = f"{shape} {', '.join(stated)}"
         compliance, stress, triangles = compared(profile, resolution)
         order = [2, 0, 1]
         numbers = "".join(f"{100 * (v - 1):9.1f}" for v in (*compliance[order], *stress[order]))

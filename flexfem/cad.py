@@ -161,7 +161,7 @@ def write_step(name: str, layout: Layout, part: Part, path: Path) -> None:
     file cannot be written.
     """
     pieces, thickness = sum(area(loop) > 0 for loop in part.loops), layout.thickness
-    curves = [curve for joint in layout.joints for curve in joint.profile.edge()]
+    curves = [curve for joint in layout.joints for edge in joint.profile.edges() for curve in edge]
     most = TOLERANCE if all(isinstance(curve, Segment) for curve in curves) else OF_ARCS
     with replacing(path) as temporary:
         read = run_mesher(PlateSolid(str(temporary), regions_of(layout, circles=True), thickness), TIME_LIMIT)

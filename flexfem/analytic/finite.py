@@ -61,9 +61,10 @@ def beam_stiffness(profile: Profile, marks: Array, E: float, nu: float, thicknes
             height, share = profile.height(x), (x - start) / (end - start)
             bending, axial = 12 * w / height**3, float(np.sum(w / height))
             shear = SHEAR_CORRECTION * 2 * (1 + nu) * axial / (end - start) ** 2
-            moment = np.stack([share - 1, share])  # by unit moments at the two ends
+            moment = np.stack([profile.middle(x), share - 1, share])  # of unit tension and moments at the two ends
+            part += (moment * bending) @ moment.T
             part[0, 0] += axial
-            part[1:, 1:] += (moment * bending) @ moment.T + shear
+            part[1:, 1:] += shear
     return np.asarray(np.linalg.inv(flexibility / (E * thickness)))
 
 
@@ -129,8 +130,9 @@ class FinitePlate:
         self.chord, self.stiffness = np.diff(place).ravel(), np.concatenate([stiff[j.profile] for j in layout.joints])
         if hinges is not None:
             own = np.array([hinge_compliance_of(joint.profile, *material) for joint in layout.joints])
-            self.stiffness[:, 0, 0] *= np.repeat(own[:, 0, 0] / hinges[:, 0, 0], BEAMS)
-            self.stiffness[:, 1:, 1:] *= np.repeat(own[:, 2, 2] / hinges[:, 2, 2], BEAMS)[:, None, None]
+            change = np.sqrt([own[:, row, row] / hinges[:, row, row] for row in (0, 2, 2)])
+            change = np.repeat(change.T, BEAMS, axis=0)
+            self.stiffness *= change[:, :, None] * change[:, None]
         self.extent = float(np.ptp(place.real) + np.ptp(place.imag))
         parts = [(j, bodies[at.body], at.point - centre[bodies[at.body] // 3], *wrench)
                  for j, port in enumerate(layout.ports) for at, wrench in port.parts if at.body in bodies]  # fmt: skip

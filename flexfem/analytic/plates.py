@@ -213,7 +213,8 @@ def _half_moments(joint: Joint, end: int) -> AnyArray:
     x, weights = joint.profile.quadrature
     half = (x >= 0) == (end == 1)
     height = joint.profile.height(x[half])
-    z = joint.place + cmath.exp(1j * joint.heading) * (x[half] + 0.5j * np.outer(ACROSS[0], height))
+    middle = x[half] + 1j * joint.profile.middle(x[half])
+    z = joint.place + cmath.exp(1j * joint.heading) * (middle + 0.5j * np.outer(ACROSS[0], height))
     return integrals(z.ravel(), np.outer(ACROSS[1] / 2, height * weights[half]).ravel())
 
 
@@ -225,7 +226,8 @@ def hinge_inertia(layout: Layout, joint: Joint) -> Array:
     """
     x, weights = joint.profile.quadrature
     height = joint.profile.height(x)
-    moments = np.stack([np.ones_like(x), x, x**2 + height**2 / 12], axis=-1) * (weights * height)[:, None]
+    z = x + 1j * joint.profile.middle(x)
+    moments = np.stack([np.ones_like(z), z, np.abs(z) ** 2 + height**2 / 12], axis=-1) * (weights * height)[:, None]
     far = joint.profile.opened_before(layout.poissons_ratio)
     shapes = np.concatenate([np.eye(3) - far, far], axis=-1)
     mass = inertia_of(moments, layout.density * layout.thickness)

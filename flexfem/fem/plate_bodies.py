@@ -31,7 +31,8 @@ ALIKE = 1e-11  # relative to the coordinates, of points of bodies that are equal
 class _Marks(NamedTuple):
     """Points (n, 2) of a body, and hashes (n,) of what is there: first its interfaces, then the ends of its edges.
 
-    The centre of a hinge and a point on its axis; the point of a patch twice; the middle of an edge and one end.
+    The centre of a hinge and a point on its axis; the point of a patch twice; the centre of an unsymmetric hinge and a
+    point to the left; the middle of an edge and one end.
     """
 
     points: AnyArray
@@ -70,7 +71,10 @@ def _marks(layout: Layout, number: int) -> _Marks:
         else:
             joint = layout.joints[one.hinge]
             tip = joint.place + joint.profile.length * np.exp(1j * joint.heading)
-            marks.append((joint.place, tip, (joint.profile, joint.cut, one.far)))
+            marks.append((joint.place, tip, (joint.sided[0], joint.cut, one.far)))
+    for joint in (joint for joint in layout.joints if number in joint.bodies and not joint.profile.symmetric):
+        profile, left = joint.sided
+        marks.append((joint.place, joint.place + joint.profile.length * left, ("left", profile)))
     for k, edge in enumerate(edge for loop in (body.outline, *body.holes) for edge in loop):
         marks += [(complex(edge.at(0.5)), end, ("edge", k in body.clamped)) for end in (edge.start, edge.end)]
     return _Marks(np.array([mark[:2] for mark in marks]), np.array([hash(mark[2]) for mark in marks]))
@@ -111,7 +115,8 @@ def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
     part = part._replace(nodes=np.column_stack([z.real, z.imag]))
     near, far = (nodes_on(part, f"end {number} {side}") for side in ("near", "far"))
     C = factorised_whole(structure(part, plate_of_layout(layout), held=near, sections=[far])).response().compliance
-    C[0, 1:] = C[1:, 0] = 0.0  # a profile is symmetric about its axis
+    if joint.profile.symmetric:
+        C[0, 1:] = C[1:, 0] = 0.0
     return C
 
 

@@ -53,6 +53,7 @@ from flexfem.mechanism.plate import (
     joint_polygon,
     mean_width,
     neck_line,
+    section_middle,
     triangles_needed,
 )
 from flexfem.refused import ComputationFailed
@@ -115,12 +116,14 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
             lines += [Line(f"end {index} {name}", line, which) for line in ends]
             for point in (ends[0].start, ends[-1].end) if len(ends) > 1 else ():  # at the needles of `end_lines`
                 length = min(abs(corner - point) for corner in end_corners(joint, side))
-                gradings.setdefault((length / 2, length), []).append(point)
+                if length > SHORTEST:  # not at an edge that is gentle up to its end
+                    gradings.setdefault((length / 2, length), []).append(point)
         sizes = joint.profile.sizes(fine)
-        middle = joint.profile.section
+        middle = section_middle(joint)
         at_neck = [size for points, size, radius in sizes if min(abs(z - middle) for z in points) <= radius]
         if at_neck and joint.profile.even_section:
-            divisions[f"neck {index}"] = math.ceil(float(joint.profile.height(np.array(middle))) / min(at_neck) - 1e-6)
+            across = float(joint.profile.height(np.array(middle.real)))
+            divisions[f"neck {index}"] = math.ceil(across / min(at_neck) - 1e-6)
         for points, size, radius in sizes:
             at = (complex(joint.place + z * cmath.exp(1j * joint.heading)) for z in points)
             gradings.setdefault((size, radius), []).extend(at)
@@ -196,8 +199,11 @@ def symmetry_of(layout: Layout) -> list[Move]:
                 marks.append((centre, centre, (*kind, round(abs(edge.start - centre), DECIMALS))))
     for one in layout.joints:
         ahead, x = cmath.exp(1j * one.heading), np.append(ALONG * one.profile.length, one.profile.breaks)
-        ways = (ahead, -ahead) if np.allclose(one.profile.height(x), one.profile.height(-x), 1e-9) else (ahead,)
-        marks += [(one.place, one.place + way, (one.profile, one.cut)) for way in ways]
+        is_even = all(np.allclose(of(x), of(-x), 1e-9) for of in (one.profile.height, one.profile.middle))
+        profile, left = one.sided
+        ways = (ahead, -ahead) if is_even else (ahead,)
+        marks += [(one.place, one.place + way, (profile, one.cut)) for way in ways]
+        marks.append((one.place, one.place + left, (profile, one.cut, "left")))
     count = len(layout.joints)
     if not count:
         return []

@@ -96,10 +96,11 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
     few, many = (mirrored(layout.thickness, count, joint.profile.neck) for count in (FEW_LAYERS, MANY_LAYERS))
     coarser = _between_sections(part, plate, few, *sections)
     solid = _between_sections(part, plate, many, *sections)
+    symmetric = joint.profile.symmetric
     return ThickHinge(
-        _change(plane.compliance, solid.compliance),
-        _change(plane.compliance, coarser.compliance),
-        _change(plane.compliance, solid.loose),
+        _change(plane.compliance, solid.compliance, symmetric),
+        _change(plane.compliance, coarser.compliance, symmetric),
+        _change(plane.compliance, solid.loose, symmetric),
         _von_mises_forms(nodal_stress(part, plate_of_layout(layout), plane.fields, of_hinge)),
         _von_mises_forms(nodal_stress(part, plate, solid.fields, of_hinge, many)),
     )
@@ -115,11 +116,12 @@ def _von_mises_forms(stress: Array) -> Array:
     return np.asarray(1.5 * np.einsum("inab,jnab->nij", deviators, deviators, optimize=True))
 
 
-def _change(plane: Array, solid: Array) -> Array:
-    """Change (3, 3) of the compliance of a hinge, whose profile is symmetric about its axis."""
+def _change(plane: Array, solid: Array, symmetric: bool) -> Array:
+    """Change (3, 3) of the compliance of a hinge, whose profile may be symmetric about its axis."""
     change = solid - plane
-    change[0, 1:] = 0.0
-    change[1:, 0] = 0.0
+    if symmetric:
+        change[0, 1:] = 0.0
+        change[1:, 0] = 0.0
     return change
 
 

@@ -80,6 +80,15 @@ class Joint(NamedTuple):
     cut: float
     key: str = ""
 
+    @property
+    def sided(self) -> tuple[Profile, complex]:
+        """Profile that is the same for mirror images of the hinge, and the direction to its left; 0 if symmetric."""
+        if self.profile.symmetric:
+            return self.profile, 0j
+        same = max(self.profile, self.profile.mirrored, key=hash)
+        left = 1j * cmath.exp(1j * self.heading)
+        return same, left if same == self.profile else -left
+
 
 class Patch(NamedTuple):
     """A point of a body where a load acts and where its motion is read.

@@ -350,15 +350,20 @@ def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> J
         raise BadInput(f"{part.key}.between = {shown(list(part.bodies))}, expected two bodies")
     try:
         profile = profile_of(table.shape, table.dimensions)
+        if part.move.mirrored:
+            profile = profile.mirrored
     except BadDimension as error:
         key = f"{part.key}.{PlateHinge.model_fields[error.key].alias or error.key}"
         value = getattr(table, error.key)
         value = math.degrees(value) if error.key == "angle" and value is not None else value
         raise BadInput(f"{key}{'' if value is None else f' = {shown(value)}'}, expected {error.expected}") from None
-    widest = max(profile.end_height, *(bodies[k].width or 0.0 for k in ends if k != ABSENT))
+    off_axis = float(2 * np.abs(profile.middle(np.array([-0.5, 0.5]) * profile.length)).max())
+    widest = max(profile.least_cut, *(off_axis + (bodies[k].width or 0.0) for k in ends if k != ABSENT))
     cut = CUT * widest if table.cut is None else float(table.cut)
-    if cut < profile.end_height:
-        least = f"{profile.end_height:g}, the height of the profile at its ends"
+    if cut < profile.least_cut:
+        least = f"{profile.least_cut:g}, the height of the profile at its ends"
+        if not profile.symmetric:
+            least = f"{profile.least_cut:g}, twice the largest distance of its ends from the axis"
         raise BadInput(f"{part.key}.cut_mm = {cut:g}, expected at least {least}")
     place, heading = part.move(complex(*table.at)), part.move.heading(table.direction)
     return Joint(part.name, ends, place, heading, profile, cut, part.key)

@@ -35,6 +35,7 @@ Corner: TypeAlias = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_le
 Corners: TypeAlias = Annotated[tuple[Corner, ...], Field(min_length=2, max_length=MOST), AfterValidator(_enclosing)]
 Bend: TypeAlias = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3), AfterValidator(_corner)]
 Bends: TypeAlias = Annotated[tuple[Bend, ...], Field(min_length=2, max_length=MOST)]
+Row: TypeAlias = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
 Shape: TypeAlias = Literal["circular", "elliptical", "filleted", "leaf", "parabolic", "v", "profile"]
 
 
@@ -119,20 +120,23 @@ class PlateHinge(Table):
     radius: Length | None = Field(default=None, alias="radius_mm", examples=[2.0])
     """Radius of the notches of a circular hinge"""
     depth: Length | None = Field(default=None, alias="depth_mm", examples=[2.0])
-    """Depth of each of the two notches of an elliptical, parabolic or v-shaped hinge"""
+    """Depth of each notch of an elliptical, parabolic or v-shaped hinge"""
     fillet: LengthOrZero | None = Field(default=None, alias="fillet_mm", examples=[0.5])
     """Radius of the fillets of a filleted hinge or a leaf"""
     angle: Turn | None = Field(default=None, alias="angle_deg", examples=[60.0])
     """Opening angle of the notches of a v-shaped hinge"""
     root_radius: Length | None = Field(default=None, alias="root_radius_mm", examples=[0.5])
     """Radius of the root of the notches of a v-shaped hinge"""
-    table: Annotated[tuple[Point, ...], Field(max_length=MOST)] | None = Field(
+    side: Literal["left", "right"] | None = Field(default=None, examples=["left"])
+    """Side of the only notch, or of the only fillets of a leaf, seen along the direction, except of a `profile`. The
+    other edge is straight, at half a neck from the axis; by default both edges are equal"""
+    table: Annotated[tuple[Row, ...], Field(max_length=MOST)] | None = Field(
         default=None, alias="table_mm", examples=[[[0.0, 4.0], [2.0, 0.5], [4.0, 4.0]]]
     )
-    """Rows of ascending position along the axis and height of a `profile`, at least three, joined by straight lines;
-    their middle is the centre"""
+    """Rows of ascending position along the axis and height of a `profile`, or of position and distances of the left and
+    the right edge from the axis; at least three, joined by straight lines. Their middle is the centre"""
     smooth: bool | None = Field(default=None, examples=[True])
-    """Whether a smooth curve, a monotone cubic, joins the rows of `table_mm` instead of straight lines"""
+    """Whether smooth curves, monotone cubics, join the rows of `table_mm` instead of straight lines"""
     cut: Length | None = Field(default=None, alias="cut_mm", examples=[12.0])
     """Height over which both bodies are cut away along the profile; by default 2 % more than the larger of the height
     of the ends of the profile and the widths of those bodies that are bars"""
@@ -143,7 +147,7 @@ class PlateHinge(Table):
         return {name: getattr(self, name) for name in OF_PROFILES if getattr(self, name) is not None}
 
 
-OF_PROFILES = ("neck", "length", "radius", "depth", "fillet", "angle", "root_radius", "table", "smooth")
+OF_PROFILES = ("neck", "length", "radius", "depth", "fillet", "angle", "root_radius", "side", "table", "smooth")
 
 
 class Copies(Table):

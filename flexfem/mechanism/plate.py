@@ -54,31 +54,47 @@ def _position(joint: Joint, z: complex) -> complex:
     return joint.place + z * cmath.exp(1j * joint.heading)
 
 
-def _corner(joint: Joint, side: int) -> complex:
-    """Return the upper corner of a profile at its near (-1) or far end (1), in the frame of the hinge."""
+def _middle_point(joint: Joint, x: float) -> complex:
+    """Return the middle between the edges of a profile at a position on its axis, in the frame of the hinge."""
+    return complex(x, float(joint.profile.middle(np.array(x))))
+
+
+def _half_height(joint: Joint, x: float) -> float:
+    return float(joint.profile.height(np.array(x))) / 2
+
+
+def _corners(joint: Joint, side: int) -> tuple[complex, complex]:
+    """Return the left and right corner of a profile at its near (-1) or far end (1), in the frame of the hinge."""
     x = side * joint.profile.length / 2
-    return complex(x, float(joint.profile.height(np.array(x))) / 2)
+    middle, half_height = _middle_point(joint, x), 1j * _half_height(joint, x)
+    return middle + half_height, middle - half_height
 
 
 def joint_loop(joint: Joint) -> list[Curve]:
-    """Return the closed counter-clockwise loop of a hinge: lower edge, far end, upper edge, near end."""
-    upper, near, far = joint.profile.edge(), _corner(joint, -1), _corner(joint, 1)
-    loop = [mapped(curve, lambda z: z.conjugate()) for curve in upper]
-    loop += [Segment(far.conjugate(), far), *map(backwards, reversed(upper)), Segment(near, near.conjugate())]
+    """Return the closed counter-clockwise loop of a hinge: right edge, far end, left edge, near end."""
+    left, right = joint.profile.edges()
+    near_left, near_right = _corners(joint, -1)
+    far_left, far_right = _corners(joint, 1)
+    loop = [*right, Segment(far_right, far_left), *map(backwards, reversed(left)), Segment(near_left, near_right)]
     return [mapped(curve, partial(_position, joint)) for curve in loop]
+
+
+def section_middle(joint: Joint) -> complex:
+    """Return the middle of the section of a hinge that edges of triangles follow, in the frame of the hinge."""
+    return _middle_point(joint, joint.profile.section)
 
 
 def neck_line(joint: Joint) -> Segment:
     """Return the section of a hinge that edges of triangles follow, and a little beyond its edges."""
-    middle = joint.profile.section
-    high = 0.5j * (1 + OVERSHOOT) * float(joint.profile.height(np.array(middle)))
+    middle = section_middle(joint)
+    high = 1j * (1 + OVERSHOOT) * _half_height(joint, joint.profile.section)
     return Segment(_position(joint, middle - high), _position(joint, middle + high))
 
 
 def end_corners(joint: Joint, side: int) -> tuple[complex, complex]:
-    """Return both corners of a hinge at its first (`side` = -1) or second (1) body."""
-    corner = _corner(joint, side)
-    return _position(joint, corner), _position(joint, corner.conjugate())
+    """Return both corners of a hinge, left and right, at its first (`side` = -1) or second (1) body."""
+    left, right = _corners(joint, side)
+    return _position(joint, left), _position(joint, right)
 
 
 def in_hinge(joint: Joint, z: AnyArray) -> NDArray[np.bool_]:
@@ -86,7 +102,8 @@ def in_hinge(joint: Joint, z: AnyArray) -> NDArray[np.bool_]:
     local = (z - joint.place) * cmath.exp(-1j * joint.heading)
     within = np.abs(local.real) < joint.profile.length / 2 * (1 - EDGE_ROUND_OFF)
     half_height = joint.profile.height(local.real) / 2
-    return np.asarray(within & (np.abs(local.imag) <= half_height * (1 + EDGE_ROUND_OFF)))
+    off_middle = np.abs(local.imag - joint.profile.middle(local.real))
+    return np.asarray(within & (off_middle <= half_height * (1 + EDGE_ROUND_OFF)))
 
 
 def end_lines(joint: Joint, side: int, rigid: bool = False) -> list[Segment]:
@@ -101,16 +118,27 @@ def end_lines(joint: Joint, side: int, rigid: bool = False) -> list[Segment]:
     breaks = side * np.array(profile.breaks)
     x = np.union1d(half * ENDING, breaks[breaks > half * ENDING[0]])
     x = x[np.diff(x, prepend=-np.inf) > SHORTEST]  # two positions that differ by round-off have no slope between them
-    y = profile.height(side * x) / 2
+    half_height = profile.height(side * x) / 2
+    middle = side * profile.middle(side * x)
     steepest = np.tan(np.deg2rad(STEEP_AT_GROUND if rigid else STEEP)) * (1 + SLOPE_ROUND_OFF)
-    gentle = np.flatnonzero(np.diff(y) <= steepest * np.diff(x))
+    left = _from_edge(half, x, half_height + middle, half_height, steepest)
+    right = [z.conjugate() for z in _from_edge(half, x, half_height - middle, half_height, steepest)]
+    return polyline(*(_position(joint, side * z) for z in (*left, *reversed(right))))
+
+
+def _from_edge(end: float, x: Array, edge: Array, half_height: Array, steepest: float) -> list[complex]:
+    """Return the points of the end of a hinge from its left edge inwards, as in `end_lines`.
+
+    x : (n,), positions towards the end.   edge, half_height : (n,), mm, distance of the edge from the axis and half the
+    height.   steepest : slope beyond which the edge is left.
+    """
+    gentle = np.flatnonzero(np.diff(edge) <= steepest * np.diff(x))
     leave = gentle[-1] + 1 if len(gentle) else 0
-    if leave < len(x) - 1 and y[leave] > half - x[leave]:
-        start, corner = complex(x[leave], y[leave]), complex(half, y[leave] - (half - x[leave]))
-        upper = [start + OVERSHOOT * (start - corner), corner]
-    else:
-        upper = [complex(half, y[-1])]
-    return polyline(*(_position(joint, side * z) for z in (*upper, *(z.conjugate() for z in reversed(upper)))))
+    rest = end - x[leave]
+    if leave == len(x) - 1 or half_height[leave] <= rest:
+        return [complex(end, edge[-1])]
+    start, corner = complex(x[leave], edge[leave]), complex(end, edge[leave] - rest)
+    return [start + OVERSHOOT * (start - corner), corner]
 
 
 def cut_box(joint: Joint) -> list[Segment]:
@@ -257,8 +285,9 @@ def joint_polygon(joint: Joint, shares: Array = ALONG) -> Any:
     """Return the polygon of a hinge between positions on its axis, per length."""
     x, breaks = shares * joint.profile.length, np.array(joint.profile.breaks)
     x = np.union1d(x, breaks[(breaks > x[0]) & (breaks < x[-1])])
-    upper = x + 0.5j * joint.profile.height(x)
-    z = joint.place + np.concatenate([upper, np.conj(upper[::-1])]) * cmath.exp(1j * joint.heading)
+    middle, half_height = x + 1j * joint.profile.middle(x), 0.5j * joint.profile.height(x)
+    edges = np.concatenate([middle + half_height, (middle - half_height)[::-1]])
+    z = joint.place + edges * cmath.exp(1j * joint.heading)
     return shapely.Polygon(np.column_stack([z.real, z.imag]))
 
 
@@ -355,13 +384,14 @@ def _largest_cut(layout: Layout, index: int, left: Any) -> str:
         return sum(piece.area > SLIVER for piece in kept) or len(layout.joints), -float(shapely.area(kept).sum())
 
     joint = min(cutting, key=left_without)
-    return f" (most by {_key(joint)}, whose cut_mm is {joint.cut:g} and may be as low as {joint.profile.end_height:g})"
+    return f" (most by {_key(joint)}, whose cut_mm is {joint.cut:g} and may be as low as {joint.profile.least_cut:g})"
 
 
 def _end_points(joint: Joint, side: int) -> Any:
     """Return points across the first (`side` = -1) or second (1) end of a hinge."""
-    corner = _corner(joint, side)
-    z = np.array([_position(joint, complex(corner.real, share * corner.imag)) for share in HEIGHTS])
+    x = side * joint.profile.length / 2
+    middle, half_height = _middle_point(joint, x), 1j * _half_height(joint, x)
+    z = np.array([_position(joint, middle + share * half_height) for share in HEIGHTS])
     return shapely.points(z.real, z.imag)
 
 
@@ -396,7 +426,7 @@ def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
             turned = f"{drawn}, read in radians it would reach" if _meant_in_radians(layout, joint) else drawn
             raise BadInput(f"{_key(joint)}: ends {np.min(gap):.3g} mm before {name}, expected to reach it; {turned}")
         if np.max(gap) > REACHED:
-            where = f"is {2 * _corner(joint, side).imag:.6g} mm high at {name}"
+            where = f"is {2 * _half_height(joint, side * joint.profile.length / 2):.6g} mm high at {name}"
             raise BadInput(f"{_key(joint)}: {where}, expected an end that lies on this body over its whole height")
 
 

@@ -1,15 +1,16 @@
-"""Hinge profiles: height along the axis, edge as exact curves, beam integrals, surface stress and triangle sizes.
+"""Hinge profiles: height and mid-line, edges as exact curves, beam integrals, surface stress and triangle sizes.
 
-A profile is symmetric about its axis, the local x axis, and lies between x = -length / 2 and length / 2, mm. A new
-shape is one subclass with an entry in `SHAPES`: half its edge as curves, its root radius, and its height where a curve
-is of the kind `Bezier`.
+A profile lies between x = -length / 2 and length / 2, mm, on its axis, the local x axis. Left and right are seen along
+the axis: the left edge is the upper one. A profile with one `side` is notched on this side alone; the other edge is
+straight, at half a neck from the axis. A new shape is one subclass with an entry in `SHAPES`: half its notched edge as
+curves, the radius of this edge at the neck, and its height where a curve is of the kind `Bezier`.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
@@ -23,7 +24,8 @@ from flexfem.mechanism.outlines import SHORTEST, Segment, polyline
 from flexfem.refused import BadInput
 
 SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
-SIDES = (-1.0, 1.0)  # edges of a section, of opposite bending stress
+LEFT, RIGHT = "left", "right"
+SIDES = (-1.0, 1.0)  # left and right edge of a section, of opposite stress; a positive moment pulls the right one
 MIDPLANE_SHEAR = 1.5 * math.sqrt(3.0)  # von Mises stress on the axis, per mean shear stress
 PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(neck * root radius)
 GENTLE = 0.8  # slope of the height below which it, not the growth of triangles, sets their size
@@ -136,27 +138,32 @@ def concentration(ratio: Array) -> Concentration:
     return Concentration(bending, tension, shear)
 
 
-def shoulder(ratio: float) -> tuple[float, float]:
+def shoulder(ratio: float, one_sided: bool = False) -> tuple[float, float]:
     """Return the stress concentration in tension and bending at the root of a leaf, of neck / fillet radius = `ratio`.
 
     Our own fit of plane-stress finite elements of leaves between bodies at least 5 times as high as their ends, within
     1.7 % in tension and 0.9 % in bending for ratios of 0.1 to 100. Small fillets follow the power of a right-angled
     corner (M. L. Williams, J. Appl. Mech. 19, 526, 1952), large ones deep notches. Peterson's charts of stepped bars
     (R. L. Norton's fit at D = 3 d) differ by 2 % in bending; in tension they are up to 12 % higher.
+
+    With a fillet on one side of the leaf, the other being flush with both bodies, the fit is within 1.4 % in tension
+    for ratios of 5 to 100, where the fillet governs, and within 0.3 % in bending for ratios of 0.1 to 100.
     """
-    tension, bending = (
-        (1 + factor * ratio**power) ** (CORNER_POWER / power) for factor, power in ((0.8446, 1.1349), (0.3352, 0.9479))
-    )
+    fits = ((0.3626, 0.5603), (0.5234, 1.0341)) if one_sided else ((0.8446, 1.1349), (0.3352, 0.9479))
+    tension, bending = ((1 + factor * ratio**power) ** (CORNER_POWER / power) for factor, power in fits)
     return tension, bending
 
 
 @dataclass(frozen=True)
 class Profile:
-    """A hinge profile; length and smallest height `neck` in mm."""
+    """A hinge profile; length and smallest height `neck` in mm, and its notched `side`, None for both."""
 
     neck: float
+    side: str | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
+        if self.side not in (None, LEFT, RIGHT):
+            raise BadDimension("side", f'"{LEFT}" or "{RIGHT}"')
         for each in fields(self):
             value = getattr(self, each.name)
             if isinstance(value, int | float) and not (0 < value < math.inf or value == each.default == 0):
@@ -179,8 +186,8 @@ class Profile:
 
     @property
     def even(self) -> bool:
-        """Whether both halves of the profile are alike."""
-        return True
+        """Whether the profile is the same after half a turn."""
+        return self.side is None
 
     @property
     def section(self) -> float:
@@ -198,30 +205,73 @@ class Profile:
         return False
 
     @property
-    def root_radius(self) -> float:
-        """Radius of curvature of the edge at the neck, mm."""
+    def symmetric(self) -> bool:
+        """Whether the profile is symmetric about its axis."""
+        return self.side is None
+
+    @property
+    def mirrored(self) -> Profile:
+        """The profile with its left and its right edge exchanged."""
+        if self.side is None:
+            return self
+        return replace(self, side=RIGHT if self.side == LEFT else LEFT)
+
+    @property
+    def _notches(self) -> int:
+        return 2 if self.side is None else 1
+
+    @property
+    def edge_radius(self) -> float:
+        """Radius of curvature of a notched edge at the neck, mm."""
         raise NotImplementedError
+
+    @property
+    def root_radius(self) -> float:
+        """Radius of curvature, mm, of both edges at the neck of a symmetric profile of the same height."""
+        return self.edge_radius * 2 / self._notches
 
     def height(self, x: Array) -> Array:
         """Height (...), mm, at positions (...) on the axis."""
         x, found = np.abs(x), np.asarray(self.neck)
         for curve in self.half():  # the rise from curve to curve keeps all digits of a slender neck
             first, last = _ends(curve)
-            found = found + 2 * _rise(np.clip(x, first.real, last.real) - first.real, curve, last - first)
+            rise = _rise(np.clip(x, first.real, last.real) - first.real, curve, last - first)
+            found = found + self._notches * rise
         return np.asarray(found)
 
+    def middle(self, x: Array) -> Array:
+        """Position (...), mm, of the middle between both edges, to the left of the axis, at positions (...) on it."""
+        if self.side is None:
+            return np.zeros(np.shape(x))
+        rise = self.height(x) - self.neck
+        return np.asarray(rise / 2 if self.side == LEFT else -rise / 2)
+
     def half(self) -> list[Curve]:
-        """Return the upper edge from 0 to length / 2, as curves that begin at their lowest points."""
+        """Return a notched left edge from 0 to length / 2, as curves that begin at their lowest points."""
         raise NotImplementedError
 
-    def edge(self) -> list[Curve]:
-        """Return the upper edge from -length / 2 to length / 2, split at 0; the lower edge is its mirror image."""
-        return [backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(self.half())] + self.half()
+    def edges(self) -> tuple[list[Curve], list[Curve]]:
+        """Return the left and the right edge from -length / 2 to length / 2, split at 0."""
+        half = self.half()
+        notched = [backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(half)] + half
+        if self.side is None:
+            return notched, _mirror_image(notched)
+        end, straight = self.length / 2, 0.5j * self.neck
+        flat = list[Curve](polyline(straight - end, straight, straight + end))
+        if self.side == LEFT:
+            return notched, _mirror_image(flat)
+        return flat, _mirror_image(notched)
 
     @property
     def end_height(self) -> float:
         """Larger height at the two ends, mm."""
         return float(np.max(self.height(np.array([-0.5, 0.5]) * self.length)))
+
+    @property
+    def least_cut(self) -> float:
+        """Height of the lowest box, symmetric about the axis, that contains both ends, mm."""
+        ends = np.array([-0.5, 0.5]) * self.length
+        return float(np.max(self.height(ends) + 2 * np.abs(self.middle(ends))))
 
     def compliance(
         self, youngs_modulus: float, poissons_ratio: float, thickness: float, thicker: ArrayLike = 0.0
@@ -234,6 +284,8 @@ class Profile:
         -----
         A Timoshenko beam of the local height: `int dx / (E A)`, `int x^2 / (E I) dx + kappa int dx / (G A)` and
         `int dx / (E I)`. A force at the centre and a moment are uncoupled for a profile symmetric about its centre.
+        Where the mid-line is m off the axis, the section carries the moment `M - V x + N m`: an axial force bends, and
+        `int m^2 / (E I) dx`, `int m / (E I) dx` and `-int x m / (E I) dx` are added.
         """
         x, weights = self.quadrature
         added = np.asarray(thicker, dtype=float)[..., None]
@@ -244,6 +296,11 @@ class Profile:
         found[..., 0, 0], found[..., 2, 2] = axial, rotation
         found[..., 1, 1] = bending + SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
         found[..., 1, 2] = found[..., 2, 1] = -moment
+        if not self.symmetric:
+            middle = self.middle(x)
+            found[..., 0, 0] += 12 * np.sum(weights * middle**2 / cube, axis=-1)
+            found[..., 0, 1] = found[..., 1, 0] = -12 * np.sum(weights * x * middle / cube, axis=-1)
+            found[..., 0, 2] = found[..., 2, 0] = 12 * np.sum(weights * middle / cube, axis=-1)
         return found / (youngs_modulus * thickness)
 
     def opened_before(self, poissons_ratio: float) -> Array:
@@ -255,10 +312,10 @@ class Profile:
         x, weights = self.quadrature
         height = self.height(x)
         axial, bending = weights / height, 12 * weights / height**3
-        parts = np.zeros((len(x), 3, 3))  # of the integrals of `compliance`
-        parts[:, 0, 0], parts[:, 2, 2] = axial, bending
-        parts[:, 1, 1] = x**2 * bending + SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
-        parts[:, 1, 2] = parts[:, 2, 1] = -x * bending
+        moment = np.stack([self.middle(x), -x, np.ones_like(x)], axis=-1)  # in the section, of unit loads
+        parts = moment[:, :, None] * moment[:, None] * bending[:, None, None]  # of the integrals of `compliance`
+        parts[:, 0, 0] += axial
+        parts[:, 1, 1] += SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
         return np.asarray((np.cumsum(parts, axis=0) - parts / 2) @ np.linalg.inv(np.sum(parts, axis=0)))
 
     @cached_property
@@ -267,9 +324,21 @@ class Profile:
         low, step = np.array(self.breaks[:-1])[:, None], np.diff(self.breaks)[:, None]
         return np.ravel(low + step * RULE[0]), np.ravel(step * RULE[1])
 
-    def concentration(self, x: Array) -> Concentration:
-        """Return the stress concentration at positions x (n,), (n,) or (), of Neuber's notch with the root radius."""
-        return concentration(np.asarray(max(self.neck / self.root_radius, SLIGHTEST)))
+    def concentration(self, x: Array, edge: float) -> Concentration:
+        """Return the stress concentration at positions x (n,) of an edge of `SIDES`, (n,) or ().
+
+        It is that of Neuber's notch with the root radius, in bending times the factor of the inner or outer edge of a
+        bar whose mid-line has a curvature k, `1 +- k t / 3` (E. Winkler, to first order).
+        """
+        K = concentration(np.asarray(max(self.neck / self.root_radius, SLIGHTEST)))
+        return K._replace(bending=K.bending * (1 - edge * self._middle_curvature * self.neck / 3))
+
+    @property
+    def _middle_curvature(self) -> float:
+        """Curvature of the mid-line at the neck, 1/mm, positive with the centre to the left."""
+        if self.side is None:
+            return 0.0
+        return (0.5 if self.side == LEFT else -0.5) / self.edge_radius
 
     def stress(self, wrench: Array, thickness: ArrayLike, out_of_plane: float = 0.0, across: ArrayLike = 0.0) -> Array:
         """Largest von Mises stress (...), MPa, of the hinge under wrenches (..., 3) on its far end.
@@ -281,12 +350,15 @@ class Profile:
 
         Notes
         -----
-        The section at x carries the moment `M - V x`, and `m = M - V x_n` at the neck. The surface stress, in plane
-        stress, is the sum of `N K_t / (b h)` and `6 (m K_b - V (x - x_n) K_s) / (b h^2)` with `concentration`; it is
-        nominal at sharp inner corners, such as the roots of a leaf without fillets. On the axis, where bending
+        The section at x carries the moment `M - V x`, and `m = M - V x_n` at the neck; where the mid-line is off the
+        axis, `M` contains the axial force times this distance. The surface stress, in plane stress, is the sum of
+        `N K_t / (b h)` and `6 (m K_b - V (x - x_n) K_s) / (b h^2)` with `concentration`; it is nominal at sharp inner
+        corners, such as the roots of a leaf without fillets. On the axis, where bending
         vanishes, the axial stress combines with `tau = 1.5 V / (b h)`; this governs in short hinges only. Finite
         elements agree within 2 % in moment and tension (`benchmarks/hinge_shapes.py`); transverse forces give up to
-        18 % less in short notches deeper than long and between flanks at more than 90 degrees.
+        18 % less in short notches deeper than long and between flanks at more than 90 degrees. Of notches on one side,
+        with necks of up to a fifth of the radius, they give 0.2 % less by a moment, 2 % less in tension, and 10 % more
+        by a transverse force at the centre.
         """
         x = self.sections
         return np.asarray(
@@ -312,16 +384,21 @@ class Profile:
 
         wrench : (..., n, 3) or (..., 1, 3), at the centre of the hinge.   thickness : (...), mm.
         """
-        K, area = self.concentration(x), np.asarray(thickness, dtype=float)[..., None] * self.height(x)
+        height = self.height(x)
+        area = np.asarray(thickness, dtype=float)[..., None] * height
         N, V, M = (wrench[..., k] for k in range(3))
         neck = self._neck_place
-        bending = 6 * ((M - V * neck) * K.bending - V * (x - neck) * K.shear) / self.height(x)
+        at_middle = M + N * self.middle(x) - V * neck
 
         def von_mises(along: Array) -> Array:
             z = out_of_plane * along + np.asarray(across)[..., None]
             return np.asarray(np.sqrt(along**2 - along * z + z**2))
 
-        edges = [von_mises((N * K.tension + side * bending) / area) for side in SIDES]
+        edges = list[Array]()
+        for side in SIDES:
+            K = self.concentration(x, side)
+            bending = 6 * (at_middle * K.bending - V * (x - neck) * K.shear) / height
+            edges.append(von_mises((N * K.tension + side * bending) / area))
         axis = np.hypot(von_mises(N / area), MIDPLANE_SHEAR * V / area)
         return np.asarray(np.maximum(axis, np.maximum(*edges)))
 
@@ -331,8 +408,20 @@ class Profile:
         `resolution` quadratic triangles lie across the neck. Their size grows with the height along a slender profile,
         and is smaller at the edge of a neck with a small root radius. Elsewhere sizes may grow with the distance.
         """
-        place, radius = self._neck_place, self.root_radius
-        found = self._levels(place, radius, resolution)
+        found = self._sizes(resolution)
+        if self.symmetric:
+            return found
+        return [(self._on_middle(points), size, reach) for points, size, reach in found]
+
+    def _on_middle(self, points: Sequence[complex]) -> tuple[complex, ...]:
+        """Return points of the symmetric profile of the same height moved to this one."""
+        z = np.array(points)
+        return tuple((z + 1j * self.middle(z.real)).tolist())
+
+    def _sizes(self, resolution: float) -> list[Refinement]:
+        """Return the sizes in the symmetric profile of the same height."""
+        place, radius = self._neck_place, self.edge_radius
+        found = self._levels(place, self.root_radius, resolution)
         if STUBBY * radius < self.neck:
             edge = 0.5j * self.neck
             found.append(((place + edge, place - edge), STUBBY * radius / resolution, radius / 2))
@@ -372,6 +461,11 @@ class Profile:
         return tuple(map(complex, x.tolist())), size, radius
 
 
+def _mirror_image(edge: Iterable[Curve]) -> list[Curve]:
+    """Return an edge on the other side of the axis."""
+    return [mapped(curve, lambda z: z.conjugate()) for curve in edge]
+
+
 def _ends(curve: Curve) -> tuple[complex, complex]:
     return (curve.points[0], curve.points[-1]) if isinstance(curve, Bezier) else (curve.start, curve.end)
 
@@ -397,7 +491,7 @@ class Circular(Profile):
     radius: float
 
     @property
-    def root_radius(self) -> float:
+    def edge_radius(self) -> float:
         return self.radius
 
     def half(self) -> list[Curve]:
@@ -423,7 +517,7 @@ class Elliptical(Spanned):
     depth: float
 
     @property
-    def root_radius(self) -> float:
+    def edge_radius(self) -> float:
         return self.span**2 / (4 * self.depth)
 
     def half(self) -> list[Curve]:
@@ -455,15 +549,17 @@ class Leaf(Spanned):
     def sharp(self) -> bool:
         return self.fillet <= SHORTEST
 
-    def concentration(self, x: Array) -> Concentration:
-        """Return the concentration (n,) at the fillets, `shoulder`; one on the straight part and at sharp roots."""
-        if self.fillet <= SHORTEST:
+    def concentration(self, x: Array, edge: float) -> Concentration:
+        """Return the concentration (n,) at fillets, `shoulder`; one at straight parts and edges and at sharp roots."""
+        flat = RIGHT if edge < 0 else LEFT
+        if self.fillet <= SHORTEST or self.side == flat:
             return Concentration(*np.ones(3))
         in_fillet = np.abs(x) >= self.span / 2 - self.fillet - SHORTEST
-        tension, bending = (np.where(in_fillet, K, 1.0) for K in shoulder(self.neck / self.fillet))
+        factors = shoulder(self.neck / self.fillet, self.side is not None)
+        tension, bending = (np.where(in_fillet, K, 1.0) for K in factors)
         return Concentration(bending, tension, bending)
 
-    def sizes(self, resolution: float) -> list[Refinement]:
+    def _sizes(self, resolution: float) -> list[Refinement]:
         """Return sizes as `Profile`: a quarter of the triangles across the middle part, and graded at sharp roots."""
         t, r, half = self.neck, self.fillet, self.span / 2
         found = [self._along(0.0, half - r, t / max(1.0, resolution / 4))]
@@ -474,7 +570,8 @@ class Leaf(Spanned):
         for points, size, reach in self._levels(half - r, r, resolution, (1,)):
             found.append(((*points, *(-z for z in points)), size, max(reach, t)))
         if STUBBY * r < t:
-            arc = half - r * (1 - math.sqrt(0.5)) + 1j * (t / 2 + r * (1 - math.sqrt(0.5)))
+            rise = r * (1 - math.sqrt(0.5))
+            arc = half - rise + 1j * (t + self._notches * rise) / 2
             found.append((_quadruple(arc), min(t, ARC * r) / resolution, 0.8 * r))
         return found
 
@@ -491,11 +588,11 @@ class Parabolic(Spanned):
     depth: float
 
     @property
-    def root_radius(self) -> float:
+    def edge_radius(self) -> float:
         return self.span**2 / (8 * self.depth)
 
     def height(self, x: Array) -> Array:
-        return np.asarray(self.neck + 2 * self.depth * (x / (self.span / 2)) ** 2)
+        return np.asarray(self.neck + self._notches * self.depth * (x / (self.span / 2)) ** 2)
 
     def half(self) -> list[Curve]:
         lowest, half = 0.5j * self.neck, self.span / 2
@@ -523,7 +620,7 @@ class Vee(Profile):
         return self.root * complex(math.cos(self.angle / 2), 1 - math.sin(self.angle / 2))
 
     @property
-    def root_radius(self) -> float:
+    def edge_radius(self) -> float:
         return self.root
 
     def half(self) -> list[Curve]:
@@ -535,28 +632,34 @@ class Vee(Profile):
 
 @dataclass(frozen=True)
 class Tabulated(Profile):
-    """A profile through rows of position and height, mm; positions from the middle of the table.
+    """A profile through rows of position and height, or of position, left and right edge, mm.
 
-    Straight lines join the rows. With `smooth` it is the monotone cubic of F. N. Fritsch, J. Butland, SIAM J. Sci.
-    Stat. Comput. 5, 300 (1984), instead, so that no height lies outside those of the rows beside it.
+    Positions are taken from the middle of the table. The edges are distances from the axis, to the left and to the
+    right. Straight lines join the rows. With `smooth` height and mid-line are monotone cubics of F. N. Fritsch,
+    J. Butland, SIAM J. Sci. Stat. Comput. 5, 300 (1984), instead, so that no height lies outside those of the rows
+    beside it.
     """
 
     neck: float = field(init=False)
-    table: tuple[tuple[float, float], ...]
+    side: None = field(default=None, init=False)
+    table: tuple[tuple[float, ...], ...]
     smooth: bool = False
 
     def __post_init__(self) -> None:
+        widths = {len(row) for row in self.table}
+        if len(self.table) < 3 or widths not in ({2}, {3}) or not np.all(np.isfinite(self.table)):
+            expected = "at least 3 rows, all of a position and a height or all of a position, left and right edge"
+            raise BadDimension("table", expected)
         rows = np.array(self.table, dtype=float)
-        if rows.ndim != 2 or rows.shape[1] != 2 or len(rows) < 3 or not np.all(np.isfinite(rows)):
-            raise BadDimension("table", "at least 3 rows of a position and a height")
-        low = np.flatnonzero(rows[:, 1] <= 0)
+        heights = rows[:, 1:].sum(axis=1)
+        low = np.flatnonzero(heights <= 0)
         if len(low):
             raise BadDimension("table", f"heights > 0, unlike that of row {low[0] + 1}")
         back = np.flatnonzero(np.diff(rows[:, 0]) <= SHORTEST)
         if len(back):
             pair = f"rows {back[0] + 1} and {back[0] + 2}"
             raise BadDimension("table", f"ascending positions, unlike those of {pair}; draw a step as a steep flank")
-        object.__setattr__(self, "neck", float(rows[:, 1].min()))
+        object.__setattr__(self, "neck", float(heights.min()))
         if self.smooth:
             places, radius = self._curvature
             tightest = int(np.argmin(radius))
@@ -566,7 +669,8 @@ class Tabulated(Profile):
                 raise BadDimension("table", f"rows apart enough for a smooth curve: {found}; lines need no radius")
 
     def with_neck(self, neck: float) -> Tabulated:
-        return replace(self, table=tuple((x, height + neck - self.neck) for x, height in self.table))
+        added = (neck - self.neck) / (len(self.table[0]) - 1)
+        return replace(self, table=tuple((x, *(edge + added for edge in edges)) for x, *edges in self.table))
 
     @classmethod
     def of(cls, height: Callable[[Array], Array], length: float, rows: int = 129) -> Tabulated:
@@ -577,15 +681,39 @@ class Tabulated(Profile):
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
         """Positions from the middle and heights (n,), mm."""
-        x, h = np.array(self.table, dtype=float).T
-        return x - (x[0] + x[-1]) / 2, h
+        x, *edges = np.array(self.table, dtype=float).T
+        return x - (x[0] + x[-1]) / 2, np.sum(edges, axis=0)
+
+    @cached_property
+    def _middles(self) -> Array:
+        """Middle (n,) between both edges at every row, mm to the left of the axis."""
+        edges = np.array(self.table, dtype=float)[:, 1:]
+        return np.asarray((edges[:, 0] - edges[:, -1]) / 2)
+
+    @property
+    def symmetric(self) -> bool:
+        return not np.any(self._middles)
+
+    @property
+    def mirrored(self) -> Tabulated:
+        if self.symmetric:
+            return self
+        return replace(self, table=tuple((x, right, left) for x, left, right in self.table))
 
     @cached_property
     def _curve(self) -> Any:
         """Height (...) at positions (...) of a smooth profile, as an interpolator of scipy."""
+        return self._smooth_curve(self._rows[1])
+
+    @cached_property
+    def _middle_curve(self) -> Any:
+        """Mid-line (...) at positions (...) of a smooth profile, as an interpolator of scipy."""
+        return self._smooth_curve(self._middles)
+
+    def _smooth_curve(self, values: Array) -> Any:
         from scipy.interpolate import PchipInterpolator  # takes a fifth of a second to import, for tables alone
 
-        return PchipInterpolator(*self._rows)
+        return PchipInterpolator(self._rows[0], values)
 
     @property
     def length(self) -> float:
@@ -598,7 +726,8 @@ class Tabulated(Profile):
 
     @property
     def even(self) -> bool:
-        return all(np.allclose(each, sign * each[::-1]) for each, sign in zip(self._rows, (-1, 1), strict=True))
+        odd = all(np.allclose(each, -each[::-1]) for each in (self._rows[0], self._middles))
+        return odd and np.allclose(self._rows[1], self._rows[1][::-1])
 
     @property
     def section(self) -> float:
@@ -631,17 +760,40 @@ class Tabulated(Profile):
         slope = np.diff(h[k - 1 : k + 2]) / np.diff(x[k - 1 : k + 2])
         return float((x[k + 1] - x[k - 1]) / (slope[1] - slope[0])) if slope[1] > slope[0] else math.inf
 
+    @property
+    def _middle_curvature(self) -> float:
+        """As of any profile, of the parabola through the rows of the neck; zero where the root radius is infinite."""
+        if not math.isfinite(self.root_radius):
+            return 0.0
+        x = self._rows[0]
+        k = int(np.argmin(self._rows[1]))
+        slope = np.diff(self._middles[k - 1 : k + 2]) / np.diff(x[k - 1 : k + 2])
+        return float(2 * (slope[1] - slope[0]) / (x[k + 1] - x[k - 1]))
+
     def height(self, x: Array) -> Array:
         if self.smooth:
             return np.asarray(self._curve(np.clip(x, *self._rows[0][[0, -1]])))
         return np.asarray(np.interp(x, *self._rows))
 
-    def edge(self) -> list[Curve]:
+    def middle(self, x: Array) -> Array:
+        if self.symmetric:
+            return np.zeros(np.shape(x))
+        places = self._rows[0]
+        if self.smooth:
+            return np.asarray(self._middle_curve(np.clip(x, *places[[0, -1]])))
+        return np.asarray(np.interp(x, places, self._middles))
+
+    def edges(self) -> tuple[list[Curve], list[Curve]]:
+        left = self._edge(1)
+        return left, _mirror_image(left if self.symmetric else self._edge(-1))
+
+    def _edge(self, side: int) -> list[Curve]:
+        """Return the left edge (`side` = 1), or the mirror image of the right one (-1)."""
         x, h = self._rows
-        points = (x + 0.5j * h).tolist()
+        points = (x + 1j * (h / 2 + side * self._middles)).tolist()
         if not self.smooth:
             return list[Curve](polyline(*points))
-        slopes = (1 + 0.5j * self._curve(x, 1)).tolist()
+        slopes = (1 + 1j * (self._curve(x, 1) / 2 + side * self._middle_curve(x, 1))).tolist()
         pieces = list[Curve]()
         for k, third in enumerate((np.diff(x) / 3).tolist()):
             leaving = points[k] + third * slopes[k] * cmath.exp(1j * APART)
@@ -651,12 +803,16 @@ class Tabulated(Profile):
 
     @cached_property
     def _turns(self) -> Array:
-        """Turn (n,), rad, of the upper edge at every row, positive at inner corners; at the ends, to an upright side.
+        """Larger turn (n,), rad, of both edges at rows, positive at inner corners; at the ends, to an upright side.
 
         The corner at an end counts only where the end is not much higher than the neck.
         """
         x, h = self._rows
-        angle = np.arctan(np.diff(h) / np.diff(x) / 2)
+        return np.maximum(*(self._edge_turns(x, h, h / 2 + side * self._middles) for side in (1, -1)))
+
+    def _edge_turns(self, x: Array, h: Array, edge: Array) -> Array:
+        """Turns (n,) of one edge, whose distances from the axis are `edge` (n,)."""
+        angle = np.arctan(np.diff(edge) / np.diff(x))
         inside = np.zeros(len(x) - 2) if self.smooth else np.diff(angle)
         ends = np.pi / 2 - np.array([-angle[0], angle[-1]])
         first, last = np.where(h[[0, -1]] < LOW_END * self.neck, ends, 0.0)
@@ -666,7 +822,7 @@ class Tabulated(Profile):
     def sharp(self) -> bool:
         return bool(np.any(self._turns > SHARP_TURN))
 
-    def sizes(self, resolution: float) -> list[Refinement]:
+    def _sizes(self, resolution: float) -> list[Refinement]:
         """Return sizes that follow the height and the edge, a quarter of the triangles across uniform parts.
 
         They are graded at sharp inner corners, and small where rows lie close together or the edge is tightly curved.
@@ -707,7 +863,8 @@ class Tabulated(Profile):
     def _details(self) -> Iterator[tuple[float, float, float]]:
         """Yield positions, the heights there, and the triangle size, mm, that the edge needs there."""
         x, h = self._rows
-        steps = 2 * np.abs(np.diff(x + 0.5j * h))
+        left, right = (np.abs(np.diff(x + 1j * (h / 2 + side * self._middles))) for side in (1, -1))
+        steps = 2 * np.minimum(left, right)
         near = np.minimum(np.append(steps, np.inf), np.insert(steps, 0, np.inf))
         yield from zip(x.tolist(), h.tolist(), near.tolist(), strict=True)
         if self.smooth:
@@ -717,13 +874,16 @@ class Tabulated(Profile):
 
     @cached_property
     def _curvature(self) -> tuple[Array, Array]:
-        """Positions (n,) between the rows, and radii (n,), mm, of the smooth edge there."""
+        """Positions (n,) between the rows, and radii (n,), mm, of the more curved smooth edge there."""
         x = self._rows[0]
         share = np.linspace(SHORTEST, 1 - SHORTEST, PER_PIECE)[:, None]
         places = np.ravel(x[:-1] + share * np.diff(x))
-        slope = self._curve(places, 1) / 2
-        bend = np.abs(self._curve(places, 2)) / 2
-        return places, (1 + slope**2) ** 1.5 / np.maximum(bend, SHORTEST)
+        radii = list[Array]()
+        for side in (1, -1):
+            slope = self._curve(places, 1) / 2 + side * self._middle_curve(places, 1)
+            bend = np.abs(self._curve(places, 2) / 2 + side * self._middle_curve(places, 2))
+            radii.append((1 + slope**2) ** 1.5 / np.maximum(bend, SHORTEST))
+        return places, np.minimum(*radii)
 
     def _rounded(self, length: float) -> float:
         """Round a length, mm, down to one of few, so that many places share a triangle size."""
@@ -746,7 +906,8 @@ def profile_of(shape: str, dimensions: Mapping[str, Any]) -> Profile:
 
     The keys are radius and neck of a circular hinge; length, depth and neck of an elliptical or parabolic one; length,
     neck and perhaps fillet of a leaf, which is the filleted one; angle, root_radius, depth and neck of a v; table, rows
-    of position and height, and perhaps smooth of a profile.
+    of position and height or of position, left and right edge, and perhaps smooth of a profile; perhaps side, "left" or
+    "right", of any but a profile.
     """
     if shape not in SHAPES:
         raise BadDimension("shape", f"one of {', '.join(SHAPES)}")

@@ -306,7 +306,7 @@ def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
     layout, joints = mechanism.layout, list[Joint]()
     for joint, neck in zip(layout.joints, necks.tolist(), strict=True):
         profile = joint.profile.with_neck(neck)
-        joints.append(joint._replace(profile=profile, cut=max(joint.cut, profile.end_height)))
+        joints.append(joint._replace(profile=profile, cut=max(joint.cut, profile.least_cut)))
     made = layout._replace(joints=tuple(joints))
     with located(mechanism):
         check_layout(made)

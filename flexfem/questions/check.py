@@ -257,6 +257,8 @@ def _profile(joint: Joint, names: list[str], shape: str) -> PlacedProfile:
     others = [f"{FILE_KEYS.get(key, key).replace('_', ' ')} {text}" for key, text in texts.items()]
     if "table" in own:
         others.append(f"{len(own['table'])} rows joined by {'a smooth curve' if own['smooth'] else 'straight lines'}")
+    if profile.side:
+        others.append(f"on the {profile.side} side")
     between, direction = " - ".join(names[body] for body in joint.bodies), np.rad2deg(joint.heading) % 360.0
     size = (_rounded(profile.length), _rounded(profile.neck), ", ".join(others))
     return PlacedProfile(joint.name, between, shape, *size, _place(joint.place), _rounded(direction))

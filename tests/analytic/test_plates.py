@@ -10,7 +10,7 @@ from flexfem.analytic.network import with_springs
 from flexfem.analytic.plates import body_moments, hinge_inertia, modes, respond, warmed, weighed
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
 from flexfem.mechanism.outlines import polyline
-from flexfem.mechanism.profiles import Circular, Leaf
+from flexfem.mechanism.profiles import Circular, Leaf, Tabulated
 from flexfem.refused import ComputationFailed
 
 from ..tolerances import DENSE
@@ -20,6 +20,7 @@ SPAN, T = 40.0, 0.8
 EI, EA = E * B * T**3 / 12, E * B * T
 SHEAR = 1.2 * SPAN * 2 * (1 + NU) / EA  # transverse compliance of the leaf by shear
 LEAF = Leaf(T, SPAN)
+SMALL_TURNS = 5e-3  # of a deflection of 0.9 mm over 40 mm: the square of its slope, 0.035
 SLENDER = 2e-3  # of a mass: shear of a leaf 300 times as long as thick, and the rule of integration
 
 
@@ -145,6 +146,34 @@ def test_elastica():
     assert found.stable.all()
     arc = displaced(thin, np.array([[0, 0, np.pi * moment]])).motions[0]
     assert arc == pytest.approx([-100, 200 / np.pi, np.pi], rel=1e-4)
+
+
+def test_beams_off_the_axis_begin_with_the_compliance_of_the_network():
+    """Notches on one side, a bowed table and its mirror image, in a loop that strains them all."""
+    bowed = Tabulated(((0, 0.9, 0.3), (9, 0.7, -0.3), (31, 0.1, 0.5), (40, 1.0, 0.2)), smooth=True)
+    bodies = [box("ground", -30 - 10j, 40 + 0j, fixed=True), box("stage", -20 + 40j, 30 + 52j)]
+    profiles = (bowed, bowed.mirrored, Circular(0.5, 20.0, side="left"))
+    hinges = [
+        Joint(f"hinge {x}", (0, 1), x + 20j, np.pi / 2, profile, T)
+        for x, profile in zip((-15, 5, 25), profiles, strict=True)
+    ]
+    plate = layout(bodies, hinges, (("output", Patch(1, 5 + 60j)),))
+    C, small = respond(plate).compliance, np.diag([1e-3, 1e-3, 1e-2])
+    assert displaced(plate, small).motions == pytest.approx(small @ C, rel=1e-4, abs=1e-12)
+    assert abs(C[0, 1]) > 1e-3 * np.sqrt(C[0, 0] * C[1, 1])
+
+
+def test_an_eccentric_column_bows_by_the_secant_formula():
+    """A cantilever 40 mm long, 0.3 mm to the left of the force P that pushes it: e (sec(L sqrt(P / EI)) - 1)."""
+    e = 0.3
+    bar = Tabulated(tuple((x, T / 2 + e, T / 2 - e) for x in (0, 7, 40)))
+    bodies = [box("wall", -9 - 9j, 0j, fixed=True), box("tip", 40 + 0j, 49 + 9j)]
+    plate = layout(bodies, [Joint("bar", (0, 1), 20 + 0j, 0.0, bar, 2.2)], (("end", Patch(1, 40 + 0j)),))
+    share = np.array([0.1, 0.4, 0.7])
+    push = share * np.pi**2 * EI / (4 * SPAN**2)
+    found = displaced(plate, -push[:, None] * [1.0, 0, 0])
+    expected = e * (1 / np.cos(np.pi / 2 * np.sqrt(share)) - 1)
+    assert -found.motions[:, 1] == pytest.approx(expected, rel=SMALL_TURNS)
 
 
 def test_parallelogram_moves_on_a_curve_and_stiffens():

@@ -31,6 +31,7 @@ PARABOLAS = 2e-6  # relative area, in place of arcs
 SYMMETRIC = 0.1 * SOLVED  # coupling of directions, relative; on meshes without symmetry it is 5e-7 to 8e-6
 
 COARSE_PARABOLAS = 2e-4  # the same of 9 triangles around a hole
+BEAM = 0.05  # of the compliance of a slender hinge: bodies contribute 2 % to bending and 4 % to the coupling
 COARSE_MESH = 3e-3  # relative compliance on a mesh with 2 triangles across the necks, from that on a fine one
 
 
@@ -494,3 +495,54 @@ def test_the_ends_of_no_leaf_reach_the_cusp_of_its_fillets():
         hinge = Joint("leaf", (0, 1), 0j, 0.0, profile_of("leaf", sizes), 0.0)
         for side, rigid in product((-1, 1), (False, True)):
             assert len(end_lines(hinge, side, rigid)) == 3
+
+
+def notched_guide(second="right"):
+    """Two leaves and two legs with a notch on one side each, outwards, mirror images of each other unless told."""
+    bodies = [Body("ground", box(-30, -10, 30, 0), fixed=True), Body("stage", box(-30, 20, 30, 26))]
+    notches = [Circular(0.5, 4.0, side="left"), Circular(0.5, 4.0, side=second)]
+    legs = [
+        Joint(f"leg {k}", (0, 1), x + 10j, np.pi / 2, notch, 20.0)
+        for k, (x, notch) in enumerate(zip((-20, 20), notches, strict=True))
+    ]
+    bodies[0] = bodies[0]._replace(outline=box(-30, -10, 30, 6))
+    bodies[1] = bodies[1]._replace(outline=box(-30, 14, 30, 26))
+    return layout_of(bodies, legs)
+
+
+def test_notches_on_one_side_have_the_symmetry_of_their_sides():
+    """Facing outwards they are mirror images; both to the left they are not, nor are both turned the same way."""
+    (move,) = symmetry_of(notched_guide())
+    assert move.mirrored
+    assert symmetry_of(notched_guide("left")) == []
+
+
+def test_a_notch_on_one_side_is_meshed_on_its_side():
+    """Straight edge 0.25 mm to the right of the axis, notch of 4 mm on the left: area 8 * 4.5 - pi 4^2 / 2."""
+    layout = notched_guide("left")
+    mesh = mesh_layout(layout, 4)
+    assert area_of(mesh, 0, 1, 2, 3) == pytest.approx(60 * 16 + 60 * 12 + 2 * (36 - 8 * np.pi), rel=PARABOLAS)
+    x = mesh.nodes[np.unique(mesh.edges["neck 0"]), 0]
+    assert (x.min(), x.max()) == pytest.approx((-20.25, -19.75), abs=ON_CURVE)
+    assert mesh.nodes[np.unique(mesh.triangles[mesh.bodies == 2]), 0].max() == pytest.approx(-19.75, abs=ON_CURVE)
+    polygon = joint_polygon(layout.joints[0])
+    assert polygon.area == pytest.approx(36 - 8 * np.pi, rel=1e-3)
+    assert polygon.bounds == pytest.approx((-24.25, 6, -19.75, 14))
+
+
+@pytest.mark.parametrize("shape", ["parabolic", "profile"])
+def test_finite_elements_of_an_unsymmetric_hinge_couple_as_its_beam(shape):
+    """Slender, so that the coupling of a pull and a rotation is that of the mid-line; and it changes with the side."""
+    notch = {"length": 16.0, "depth": 1.0, "neck": 0.4, "side": "left"}
+    x = np.linspace(-8, 8, 33)
+    rows = [(each, 0.2 + each**2 / 64, 0.2 - 0.01 * each) for each in x.tolist()]
+    profile = profile_of(shape, notch if shape == "parabolic" else {"table": rows, "smooth": True})
+    bodies = [Body("near", box(-40, -5, -8, 5), fixed=True), Body("far", box(8, -5, 40, 5))]
+    found = []
+    for each in (profile, profile.mirrored):
+        layout = layout_of(bodies, [Joint("hinge", (0, 1), 0j, 0.0, each, 10.0)])
+        found.append(plate_response(layout, mesh_layout(layout, 2)).compliance)
+    beam = profile.compliance(68e3, 0.29, 7.0)
+    assert np.diag(found[0])[2] == pytest.approx(beam[2, 2], rel=BEAM)
+    assert found[0][0, 2] == pytest.approx(beam[0, 2], rel=BEAM)
+    assert found[1][0, 2] == pytest.approx(-found[0][0, 2], rel=COARSE_MESH)

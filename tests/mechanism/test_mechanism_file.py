@@ -248,6 +248,8 @@ REFUSED = [  # old and new text, and pieces of the message
     ("[0, 1]}", "[0, 12], contact_mm = 2}", 'line 4: output.at_mm = [0, 12], expected a point of "hub"'),
     ("[0, 1]}", "[1, 0], contact_mm = 1}", 'line 4: output.at_mm = [1, 0], expected a point of "hub"'),  # in its hole
     ('circular"\nradius', 'v"\ndepth_mm = 2\nangle_deg = 190\nroot_radius', "line 31: ... angle_deg = 190.0, ... "),
+    ('circular"\nradius', 'circular"\nside = "top"\nradius', "line 30: hinge.root.side = ... 'left' or 'right'"),
+    ('circular"\nradius', 'circular"\nside = "left"\ncut_mm = 2\nradius', "root.cut_mm = 2, ... at least 2.5, twice"),
     ("[33, 30]]", "[39, 30]]", 'line 44: ... push.at_mm[1] = [39, 30], expected a point of "crank"'),
 ]  # fmt: skip
 

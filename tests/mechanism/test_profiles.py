@@ -24,11 +24,13 @@ from flexfem.mechanism.profiles import (
     Segment,
     Tabulated,
     Vee,
+    mapped,
     profile_of,
     shoulder,
 )
 
 TAPER = ((2.0, 1.0), (6.0, 1.8), (12.0, 3.0))  # a straight edge: h = 2 + 0.2 x from the middle of the table
+BOWED = ((-4.0, 2.0, 1.5), (-1.0, 0.4, 0.1), (0.5, 0.2, 0.5), (3.0, 1.0, 2.2))  # position, left and right edge
 UNEVEN = ((-4.0, 3.0), (-3.0, 0.5), (0.3, 0.7), (2.0, 0.55), (5.0, 2.5))  # unsymmetric, with two necks
 EACH = (
     Circular(0.4, 3.0),
@@ -42,7 +44,15 @@ EACH = (
     Tabulated(TAPER, smooth=True),
     Tabulated(UNEVEN),
     Tabulated(UNEVEN, smooth=True),
+    Circular(0.4, 3.0, side="left"),
+    Elliptical(0.3, 10.0, 2.0, side="right"),
+    Leaf(0.5, 12.0, 0.8, side="right"),
+    Parabolic(0.2, 6.0, 2.5, side="left"),
+    Vee(0.6, np.deg2rad(70), 0.3, 2.0, side="right"),
+    Tabulated(BOWED),
+    Tabulated(BOWED, smooth=True),
 )
+UNSYMMETRIC = [profile for profile in EACH if not profile.symmetric]
 
 
 def test_leaf_by_hand():
@@ -161,23 +171,30 @@ def test_a_table_is_smooth_and_monotone():
 
 @pytest.mark.parametrize("profile", EACH, ids=repr)
 def test_integrals_and_edges_follow_the_height(profile: Profile):
-    half = profile.length / 2
     expected = sum(
         quad(lambda x: float(profile.height(np.array(x))) ** -3, a, b, epsrel=1e-11)[0]
         for a, b in zip(profile.breaks[:-1], profile.breaks[1:], strict=True)
     )
     assert profile.compliance(1.0, 0.3, 1.0)[2, 2] == pytest.approx(12 * expected, rel=1e-9)
+    for side, edge in zip((1, -1), profile.edges(), strict=True):
+        assert_edge(profile, side, edge)
+
+
+def assert_edge(profile, side, edge):
+    """The edge has the ends of the profile, no gap, and half the height from the mid-line."""
+    half = profile.length / 2
     ends, on = [], []
     share = np.array([0.0, 0.3, 0.7, 1.0])
-    for curve in profile.edge():
+    for curve in edge:
         z = curve.at(share) if isinstance(curve, Segment) else np.array(curve[:2])
         if isinstance(curve, Bezier):
             z = BPoly(np.array(curve.points)[:, None], [0, 1])(share)
         if isinstance(curve, Ellipse):
             a, b = profile.length / 2, profile.depth
-            assert (abs(curve.major), curve.centre) == pytest.approx((max(a, b), 1j * (0.15 + b)))
+            assert (abs(curve.major), curve.centre) == pytest.approx((max(a, b), side * 1j * (0.15 + b)))
         on, ends = [*on, *z], [*ends, z[0], z[-1]]
-    assert np.imag(on) == pytest.approx(profile.height(np.real(on)) / 2, abs=1e-7)
+    middle, height = profile.middle(np.real(on)), profile.height(np.real(on))
+    assert np.imag(on) == pytest.approx(middle + side * height / 2, abs=1e-7)
     assert (ends[0].real, ends[-1].real) == pytest.approx((-half, half))
     assert ends[1:-1:2] == pytest.approx(ends[2::2], abs=1e-12)
 
@@ -221,7 +238,9 @@ def test_root_radius(profile: Profile):
 @pytest.mark.parametrize("profile", EACH, ids=repr)
 def test_sizes_resolve_the_neck(profile: Profile):
     sizes = profile.sizes(8.0)
-    across = min(size for points, size, _ in sizes if all(abs(z.imag) < 1e-9 for z in points))
+    across = min(
+        size for points, size, _ in sizes if all(abs(z.imag - profile.middle(np.array(z.real))) < 1e-9 for z in points)
+    )
     assert across == pytest.approx(profile.neck / 8)
     assert all(size > profile.neck / 100 and reach > size / 2 for _, size, reach in sizes)
 
@@ -241,6 +260,10 @@ def test_sizes_resolve_the_neck(profile: Profile):
         ("profile", {"table": [[0, 1], [2, 1], [1, 1]]}, "table"),
         ("profile", {"table": [[0, 1], [2, 1], [2, 4], [3, 4]]}, "table"),
         ("profile", {"table": [[0, 4], [2, 4], [2.0001, 1], [4, 1]], "smooth": True}, "table"),
+        ("profile", {"table": [[0, 1], [2, 1, 1], [3, 4]]}, "table"),
+        ("profile", {"table": [[0, 1, 1], [2, 1, -1], [3, 4, 1]]}, "table"),
+        ("profile", {"table": [[0, 1], [2, 1], [3, 4]], "side": "left"}, "side"),
+        ("circular", {"radius": 3.0, "neck": 1.0, "side": "upper"}, "side"),
         ("leaf", {"length": 4.0, "neck": 1.0, "smooth": True}, "smooth"),
     ],
 )
@@ -253,3 +276,102 @@ def test_refusals_name_the_key(shape: str, dimensions: dict[str, object], key: s
 def test_every_shape_is_made_from_its_keys():
     made = profile_of("v", {"angle": 1.0, "root_radius": 0.5, "depth": 2.0, "neck": 1.0})
     assert made == Vee(1.0, 1.0, 0.5, 2.0) and set(map(type, EACH)) == set(SHAPES.values())
+
+
+def test_a_beam_off_the_axis_by_hand():
+    """Height 0.5, mid-line m = 0.2 + 0.1 x over 10 mm: int m = 2, int x m = 0.1 10^3 / 12, int m^2 = 0.4 + 10 / 12."""
+    rows = [(x, 0.25 + 0.2 + 0.1 * x, 0.25 - 0.2 - 0.1 * x) for x in (-5.0, 1.0, 5.0)]
+    C = profile_of("profile", {"table": rows}).compliance(2e5, 0.3, 10.0)
+    EA, EI = 2e5 * 10 * 0.5, 2e5 * 10 * 0.5**3 / 12
+    shear = 1.2 * 2.6 * 10 / EA
+    expected = [
+        [10 / EA + (0.4 + 0.01 * 1000 / 12) / EI, -0.1 * 1000 / 12 / EI, 2 / EI],
+        [-0.1 * 1000 / 12 / EI, 1000 / 12 / EI + shear, 0],
+        [2 / EI, 0, 10 / EI],
+    ]
+    assert np.allclose(C, expected, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_circular_notch_on_one_side_by_quadrature(side: str):
+    """The straight edge is at half a neck from the axis, so that the mid-line rises by half of what the notch does."""
+    t, R, sign = 0.4, 3.0, 1 if side == "left" else -1
+
+    def height(x):
+        return t + R - np.sqrt(R**2 - x**2)
+
+    def middle(x):
+        return sign * (R - np.sqrt(R**2 - x**2)) / 2
+
+    def integral(of):
+        return 2 * quad(lambda x: of(x) / height(x) ** 3, 0, R, epsrel=1e-11, limit=200)[0]
+
+    profile = Circular(t, R, side=side)
+    C = profile.compliance(1.0, -1.0, 12.0)
+    axial = 2 * quad(lambda x: 1 / height(x), 0, R, epsrel=1e-11)[0] / 12
+    assert C[0, 0] == pytest.approx(axial + integral(lambda x: middle(x) ** 2), rel=1e-8)
+    assert C[0, 2] == C[2, 0] == pytest.approx(integral(middle), rel=1e-8)
+    assert C[2, 2] == pytest.approx(integral(lambda x: 1.0), rel=1e-8)
+    assert profile.least_cut == pytest.approx(2 * (t / 2 + R))
+
+
+@pytest.mark.parametrize("profile", UNSYMMETRIC, ids=repr)
+def test_a_mirror_image_has_the_opposite_coupling(profile: Profile):
+    """So have sections that carry stress: pulling the mirror image and turning it back is the same."""
+    flip = np.diag([1.0, -1.0, -1.0])
+    other = profile.mirrored
+    assert other.mirrored == profile != other
+    C = profile.compliance(1.0, 0.3, 1.0)
+    assert other.compliance(1.0, 0.3, 1.0) == pytest.approx(flip @ C @ flip, rel=1e-12, abs=1e-15)
+    assert abs(C[0, 2]) > 1e-3 * np.sqrt(C[0, 0] * C[2, 2])
+    load = np.array([3.0, -1.0, 2.0])
+    assert other.stress(flip @ load, 2.0) == pytest.approx(profile.stress(load, 2.0), rel=1e-12)
+    assert other.edges()[0][0] == mapped(profile.edges()[1][0], lambda z: z.conjugate())
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_equal_sides_are_the_symmetric_table_to_the_last_digit(smooth: bool):
+    whole = Tabulated(UNEVEN, smooth)
+    halves = Tabulated(tuple((x, h / 2, h / 2) for x, h in UNEVEN), smooth)
+    assert np.array_equal(halves.compliance(7e4, 0.3, 8.0), whole.compliance(7e4, 0.3, 8.0))
+    assert halves.edges() == whole.edges() and halves.sizes(8.0) == whole.sizes(8.0)
+    assert np.array_equal(halves.opened_before(0.3), whole.opened_before(0.3))
+
+
+def test_a_scanned_neck_of_unequal_shifted_notches():
+    """Circles of 1.506 and 1.679 mm, 0.157 mm apart along the axis, 0.01533 mm apart: that of their mean curvature.
+
+    Paros and Weisbord: 2 E b t^2.5 / (9 pi sqrt(R)) with 2 / R = 1 / 1.506 + 1 / 1.679.
+    """
+    first, second, gap, shift = 1.506, 1.679, 0.01533, 0.157
+    apart = np.sqrt((first + second + gap) ** 2 - shift**2)
+    share = (first + gap / 2) / (first + second + gap)
+    x = 0.02 * np.sinh(np.linspace(-1, 1, 81) * np.arcsinh(70))
+    left = apart * share - np.sqrt(first**2 - (x + shift * share) ** 2)
+    right = apart * (1 - share) - np.sqrt(second**2 - (x - shift * (1 - share)) ** 2)
+    scanned = Tabulated(tuple(zip(x.tolist(), left.tolist(), right.tolist(), strict=True)), smooth=True)
+    radius = 2 / (1 / first + 1 / second)
+    expected = 2 * 131e3 / 0.91 * 6.35 * gap**2.5 / (9 * np.pi * np.sqrt(radius))
+    assert expected == pytest.approx(1.493, abs=1e-3)
+    assert 1 / scanned.compliance(131e3 / 0.91, 0.3 / 0.7, 6.35)[2, 2] == pytest.approx(expected, rel=0.01)
+    assert scanned.root_radius == pytest.approx(radius, rel=0.01)
+
+
+def test_stress_of_a_notch_on_one_side():
+    """A moment: the inner edge of a bar of mid-line curvature 1 / 2R, times Neuber's factor of two edges of 2 R.
+
+    A pull: the straight edge bends, most where the height is 1.5 t, to 4 / 3 of the mean stress of the neck.
+    """
+    t, R, b = 0.1, 5.0, 2.0
+    pull, moment = Circular(t, R, side="left").stress(np.array([[1.0, 0, 0], [0, 0, 1.0]]), b)
+    assert moment * b * t**2 / 6 == pytest.approx((1 + 0.4 * t / (4 * R)) * (1 + t / (6 * R)), rel=1e-3)
+    assert pull * b * t == pytest.approx(4 / 3, rel=5e-3)
+
+
+def test_fillets_on_one_side_raise_the_stress_of_this_edge_alone():
+    leaf = Leaf(0.5, 12.0, 0.1, side="left")
+    at = np.array([-5.95, 0.0, 5.95])
+    left, right = (leaf.concentration(at, side) for side in (-1.0, 1.0))
+    assert np.all(np.asarray(right) == 1.0)
+    assert left.bending == pytest.approx([1.794, 1.0, 1.794], rel=5e-3)  # finite elements
+    assert left.tension == pytest.approx([1.658, 1.0, 1.658], rel=0.015)
