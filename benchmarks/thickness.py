@@ -1,6 +1,6 @@
 """Mechanisms in three dimensions by their hinges, the default, against whole plates in three dimensions.
 
-    python benchmarks/thickness.py [--mechanisms 12] [--seed 5] [--layers 4]
+    python benchmarks/thickness.py [--mechanisms 12] [--seed 5] [--thickness-resolution 4]
 
 Mechanisms as in random_mechanisms.py, with a thickness of 0.5 to 60 times the thinnest neck. A band contains the value
 of the whole plate if they differ by less than both bands. Numbers below round-off do not count.
@@ -31,7 +31,9 @@ def numbers(mechanism: flexfem.Mechanism, layers: int | None) -> dict[str, tuple
     found = dict[str, tuple[float, float]]()
     for question, quantities in COMPARED.items():
         options = {"count": 3} if question == "modes" else {}
-        answer = getattr(flexfem, question)(mechanism, models="elements", layers=layers, **options)
+        if layers is not None:
+            options |= {"solid": True, "thickness_resolution": layers}
+        answer = getattr(flexfem, question)(mechanism, models="elements", **options)
         for entry in answer.entries():
             quantity, *labels = entry.path.split(".")
             if quantity in quantities and SOLID.replace(" ", "_") in labels:
@@ -43,7 +45,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--mechanisms", type=int, default=12)
     parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--layers", type=int, default=4)
+    parser.add_argument("--thickness-resolution", type=int, default=4)
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     ratios = defaultdict[str, list[tuple[float, float, str]]](list)
@@ -54,7 +56,7 @@ def main() -> None:
         slenderness = float(np.exp(rng.uniform(np.log(0.5), np.log(60))))
         mechanism = drawn.replace(model="three_dimensional", thickness=slenderness * neck)
         try:
-            whole, by_hinges = numbers(mechanism, arguments.layers), numbers(mechanism, None)
+            whole, by_hinges = numbers(mechanism, arguments.thickness_resolution), numbers(mechanism, None)
         except ComputationFailed as failure:
             print(f"{mechanism.name}: {failure}", flush=True)
             continue

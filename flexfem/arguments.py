@@ -47,9 +47,9 @@ def resolution(value: Any, least: int = 2) -> int:
     return integer("resolution", value, FINEST, least)
 
 
-def layers(value: Any, least: int = 1) -> int:
-    """Return the number of layers in half the thickness, `least` to `MOST_LAYERS`. Raises BadInput."""
-    return integer("layers", value, MOST_LAYERS, least)
+def thickness_resolution(value: Any, least: int = 1) -> int:
+    """Return the number of elements through half of the thickness, `least` to `MOST_LAYERS`. Raises BadInput."""
+    return integer("thickness_resolution", value, MOST_LAYERS, least)
 
 
 def resolutions(values: Any) -> list[int]:

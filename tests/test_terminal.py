@@ -63,7 +63,7 @@ def test_completion_names_commands_options_and_commands_of_studies(flexfem, monk
     for words, expected in (
         ("flexfem st", ["stiffness", "study"]),
         ("flexfem study c", ["clean", "collect"]),
-        ("flexfem modes --lay", ["--layers"]),
+        ("flexfem modes --so", ["--solid"]),
         ("flexfem modes geo", []),  # files, which the shell completes itself
     ):
         monkeypatch.setenv("COMP_WORDS", words)
@@ -202,7 +202,7 @@ TIMES = 12
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [("modes", STAGE, "--layers", "3"), ("view", STAGE, "-o", ".")])
+@pytest.mark.parametrize("command", [("modes", STAGE, "--solid"), ("view", STAGE, "-o", ".")])
 def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
     """Also while it loads numpy, skfem, gmsh or matplotlib, and in the processes that it started."""
     ended = []

@@ -52,6 +52,7 @@ RENAMED = {  # old names of commands, with their replacements
     "benchmark": "make validation",
     "cross-check": "make validation",
 }
+RENAMED_OPTIONS = {"--layers": ("--solid", "--thickness-resolution N")}  # old options, with their replacements
 STUDY = {  # commands of `flexfem study`, with their functions
     "run": "run_study",
     "status": "study_status",
@@ -145,6 +146,10 @@ class Command(TyperCommand):
         for arg in args:
             repeated += [repeated[-2]] if arg.isdigit() and repeated[-2:-1] and repeated[-2] in flags else []
             repeated.append(arg)
+        flags |= {flag for option in self.params for flag in option.opts}
+        for flag in (arg.partition("=")[0] for arg in args):
+            if flag in RENAMED_OPTIONS and flag not in flags and RENAMED_OPTIONS[flag][0] in flags:
+                ctx.fail(f"{flag}: this option is now: {' with '.join(RENAMED_OPTIONS[flag])}")
         return super().parse_args(ctx, repeated)
 
 

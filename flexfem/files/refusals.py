@@ -31,6 +31,7 @@ ABOUT = {  # by array: the keys that identify a member
     "neck": ("chain", "hinge"),
     **dict.fromkeys(("body", "hinge", "point"), ("name",)),  # of mechanisms
 }
+RENAMED = {"layers": "thickness_resolution"}  # old names of keys, with their replacements
 SHOWN = 60  # characters of a value or key in a message
 COMPARED = 32  # unknown keys, at most, that are compared with missing ones
 _BARE = re.compile(r"[A-Za-z0-9_-]+")  # bare keys of TOML
@@ -245,6 +246,9 @@ def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_
         return f"{key} is missing"
     if problem.kind == "extra_forbidden":
         known = _fields_at(model, problem.path[:-1], by_name)
+        now = RENAMED.get(str(problem.path[-1]))
+        if now in known:
+            return f"{key}: this {what} is now {now}"
         close = suggestion(str(problem.path[-1]), known)
         return f"{key} is an unknown {what}{close or ', expected one of ' + ', '.join(known)}"
     if not problem.path:

@@ -319,7 +319,8 @@ def as_built(
     necks: Path,
     *,
     analytic: Analytic = DEFAULT,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     progress: Progress | None = None,
 ) -> AsBuilt:
     """Stiffness of a stage or mechanism with its measured necks, and its scatter due to the measurement uncertainty.
@@ -331,6 +332,7 @@ def as_built(
         [[neck]]. A stage needs all nine necks; an unlisted hinge of a mechanism has the drawn neck.
     {shared}
     """
+    layers = setup.elements_through(solid, thickness_resolution)
     mesh = None if layers is None else setup.mesh_of(stage, "both", None, layers)
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, necks, mesh, progress)

@@ -92,7 +92,7 @@ class Case(Sourced):
         description=f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two coarser "
         "meshes give the error bars",
     )
-    layers: int = Field(default=LAYERS, ge=3, le=MOST_LAYERS)
+    layers: int = Field(default=LAYERS, ge=3, le=MOST_LAYERS, alias="thickness_resolution")
     """Layers in half the thickness, with `three_dimensional`; the bands need two smaller numbers of layers"""
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
     """A curve of the figure: a stage, and the analytic model that computes its command"""
@@ -119,7 +119,7 @@ class Case(Sourced):
                 raise refusal('no links with analysis = "nonlinear", which has rigid links', *where)
         solid = self.model == "three_dimensional"
         if not solid and "layers" in self.model_fields_set:
-            raise refusal('no layers with model = "fe"', "layers")
+            raise refusal('no thickness_resolution with model = "fe"', "thickness_resolution")
         if solid and nonlinear:
             raise refusal('"linear" with model = "three_dimensional", whose displacements are small', "analysis")
         if self.drive != "force" and (solid or nonlinear):

@@ -38,7 +38,7 @@ from flexfem.questions.driven import (
     stress_along,
 )
 from flexfem.questions.plates import ON_MESHES, PEAK
-from flexfem.questions.setup import DEFAULT, Analytic, MeshFields, about, for_mechanisms, mesh_of
+from flexfem.questions.setup import DEFAULT, Analytic, MeshFields, about, elements_through, for_mechanisms, mesh_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FLOOR, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
@@ -177,7 +177,7 @@ class DrivenElements(NamedTuple):
         return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
 
 
-@for_mechanisms(Drive, MechanismDrive, not_for="pose load analytic", only_for="plane layers")
+@for_mechanisms(Drive, MechanismDrive, not_for="pose load analytic", only_for="plane solid thickness_resolution")
 def drive(
     stage: Stage | Mechanism,
     *,
@@ -186,7 +186,8 @@ def drive(
     models: Literal["both", "analytic"] = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     plane: bool = False,
 ) -> Drive | MechanismDrive:
     """Strokes and forces of the stacks of a stage for a pose, or the motion of a mechanism by its actuators.
@@ -201,8 +202,8 @@ def drive(
         With "both", the strokes of the analytic model are applied to finite elements.
     resolution : int, optional
         Triangles across every neck.
-    layers : int, optional
-        Three-dimensional model of a mechanism with this number of layers in half the thickness, from 3.
+    solid : bool
+        The whole plate of a mechanism by finite elements in three dimensions.
     {shared}
 
     Examples
@@ -213,7 +214,7 @@ def drive(
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
     if isinstance(stage, Mechanism):
-        mesh = plates.mesh_of(stage, models, resolution, layers)
+        mesh = plates.mesh_of(stage, models, resolution, elements_through(solid, thickness_resolution))
         return _of_mechanism(stage, mesh, models)
     mesh = mesh_of(stage, models, resolution, None, 2)
     if pose is None:

@@ -32,7 +32,7 @@ from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
 from flexfem.questions.imposed import commanded_hinges, elements, imposed, imposed_bands
-from flexfem.questions.setup import ModelAnswer, question, solved, stack_models
+from flexfem.questions.setup import ModelAnswer, elements_through, question, solved, stack_models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
@@ -202,7 +202,13 @@ class CurveElements(NamedTuple):
 
 
 @question
-def verification(*cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None) -> list[Result]:
+def verification(
+    *cases: Path,
+    output: Path | None = Path("reports"),
+    solid: bool = False,
+    thickness_resolution: int | None = None,
+    progress: Progress | None = None,
+) -> list[Result]:
     """Compute the positioning error of the analytic model of cases or mechanisms by finite elements.
 
     Parameters
@@ -211,8 +217,11 @@ def verification(*cases: Path, output: Path | None = Path("reports"), progress: 
         Case files, see flexfem schema case, or mechanism files: their errors for commands in x, y and theta.
     output : Path, optional
         Folder for the results; `flexfem plot` draws those of cases. In Python, None stores none.
+    solid : bool
+        Compare mechanisms with finite elements of the whole plate in three dimensions; a case states this itself.
     {shared}
     """
+    layers = elements_through(solid, thickness_resolution)
     folder = None if output is None else checked_path(output)
     if folder is not None:
         check_folder(folder)
@@ -220,6 +229,8 @@ def verification(*cases: Path, output: Path | None = Path("reports"), progress: 
     loaded = list[LoadedCase | Mechanism]()
     for path in map(checked_path, cases):  # read all cases before the first computation
         is_mechanism = kind_of(read_toml(path).data) == Mechanism.kind
+        if solid and not is_mechanism:
+            raise BadInput(f'{path}: solid is for mechanisms, expected model = "three_dimensional" in a case')
         loaded.append(load_mechanism(path) if is_mechanism else LoadedCase(path, load))
         if (other := seen.setdefault(path.stem, path)) != path:
             raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
@@ -228,7 +239,7 @@ def verification(*cases: Path, output: Path | None = Path("reports"), progress: 
             check_name(folder / f"{path.stem}.npz")
     results = list[Result]()
     for path, case in zip(seen.values(), loaded, strict=True):
-        results.append(plates.verification(case) if isinstance(case, Mechanism) else run_case(case))
+        results.append(plates.verification(case, layers) if isinstance(case, Mechanism) else run_case(case))
         if folder is not None:
             results[-1].write(folder / f"{path.stem}.json")
         if progress is not None:

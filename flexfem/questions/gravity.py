@@ -67,7 +67,8 @@ def gravity(
     models: Models = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Gravity:
@@ -79,9 +80,9 @@ def gravity(
         Direction of gravity in the plane of an upright plate, degrees from x.
     payload : float
         Mass of a payload at the centre of the platform, kg.
-    layers : int, optional
-        Three-dimensional model with this number of layers in half the thickness, from 3. The plate is horizontal; a
-        mechanism is also computed with an upright plate.
+    solid : bool
+        The whole plate by finite elements in three dimensions. The plate is horizontal; a mechanism is also
+        computed with an upright plate.
     {shared}
 
     Examples
@@ -91,6 +92,7 @@ def gravity(
     >>> (1e3 * found.pose[0, :2]).round(2) + 0.0  # um: upright, the platform sinks
     array([ -0.46, -13.85])
     """
+    layers = setup.elements_through(solid, thickness_resolution)
     mesh = plates.mesh_of(stage, models, resolution, layers)
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     g = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])

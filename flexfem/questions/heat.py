@@ -129,7 +129,8 @@ def drift(
     models: Models = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Drift:
@@ -142,8 +143,8 @@ def drift(
     ----------
     resolution : int, optional
         Triangles across every neck on the finest of three meshes, from 4, in three dimensions from 6.
-    layers : int, optional
-        Three-dimensional model with this number of layers in half the thickness, from 3; adds a gradient in z.
+    solid : bool
+        The whole plate by finite elements in three dimensions; adds a gradient in z.
     {shared}
 
     Examples
@@ -153,6 +154,7 @@ def drift(
     >>> round(1e6 * float(found.at("pose", case="uniform", direction="theta")[0]), 2)  # urad per kelvin
     5.5
     """
+    layers = setup.elements_through(solid, thickness_resolution)
     least = LEAST_SOLID if layers and isinstance(stage, Stage) else 4
     mesh = plates.mesh_of(stage, models, resolution, layers, least=least)
     with located(stage):
@@ -220,8 +222,8 @@ def drift(
     found = plates.by_models(stage, mesh, models, of_network, of_size, progress, bands)
     if isinstance(stage, Stage) and mesh is not None and mesh.layers:
         sheet = heat_response(plates.meshed(stage, mesh.resolution), sheet_of(stage), *rates).motions.T
-        solid = found.pop(SOLID)
-        found |= {SHEET: ModelAnswer({"pose": sheet}), SOLID: solid}
+        extruded = found.pop(SOLID)
+        found |= {SHEET: ModelAnswer({"pose": sheet}), SOLID: extruded}
     subject = stage if isinstance(stage, Mechanism) else setup.about(stage, heat=True)
     fields = drawn[0]() if drawn else None
     return setup.answer(

@@ -45,6 +45,7 @@ from flexfem.questions.setup import (
     Models,
     about,
     answer,
+    elements_through,
     options,
     question,
     sectors_of,
@@ -123,8 +124,7 @@ class MechanismModes(NaturalModes, mechanism=True):
         "motion of the output: share of each direction in its square; rotations are multiplied by the lever",
         "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
         "possible",
-        "more modes out of the plane than the first are computed with `--layers`; a payload is a flat body at "
-        "mid-plane",
+        "more modes out of the plane than the first are computed with `--solid`; a payload is a flat body at mid-plane",
         "the mass of a hinge in the analytic models moves as in its static deflection between its two bodies: modes in "
         "which leaf springs vibrate are missing, and the numbers of higher modes differ from those of finite elements",
     )
@@ -280,7 +280,8 @@ def modes(
     damping: float = 1.0,
     models: Models = "both",
     resolution: int | None = None,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     plane: bool = False,
     progress: Progress | None = None,
 ) -> NaturalModes:
@@ -299,8 +300,8 @@ def modes(
         Engaged stacks stiffen the stage; they hold their strokes, and their mass is neglected.
     damping : float
         Damping of every mode, % of critical, in the reduced models; assumed.
-    layers : int, optional
-        Three-dimensional model with this number of layers in half the thickness, from 3; adds modes out of the plane.
+    solid : bool
+        The whole plate by finite elements in three dimensions; adds modes out of the plane.
     {shared}
 
     Examples
@@ -310,7 +311,8 @@ def modes(
     >>> found.frequency[:, 0].round()  # Hz
     array([131., 131., 194.])
     """
-    mesh, solid = plates.mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
+    layers = elements_through(solid, thickness_resolution)
+    mesh = plates.mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION)
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, arguments.integer("count", count, MOST), drives, mesh, models, progress)
     count = arguments.integer("count", count, MOST_SOLID if solid else MOST)
@@ -319,7 +321,7 @@ def modes(
     drive = None
     if drives == "engaged":
         if solid:
-            raise BadInput("drives 'engaged' with layers, expected disengaged: stacks act in the plane")
+            raise BadInput("drives 'engaged' with solid, expected disengaged: stacks act in the plane")
         drive = drive_of(stage)
     warnings, notes = [*warning.of_stage(stage), *warning.of_payload(stage, carried.mass)], list[str]()
     mass_matrix = bodies.drawn_inertia(stage) + carried.matrix
@@ -498,7 +500,7 @@ def _payload(payload: tuple[float, float], tilting: float | None, solid: bool) -
     expected = "mass (kg) and moment of inertia (kg mm^2)"
     mass, inertia = arguments.pair("payload", payload, LARGEST_PAYLOAD, expected)
     if tilting is not None and not solid:
-        raise BadInput("tilting without layers, expected both: modes are in the plane")
+        raise BadInput("tilting without solid, expected both: modes are in the plane")
     reason = " kg mm^2: a flat body has the least, half of its moment of inertia about the normal"
     least, most = inertia / 2, LARGEST_PAYLOAD[1]
     tilting_inertia = least if tilting is None else arguments.between("tilting", tilting, least, most, reason)

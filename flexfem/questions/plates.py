@@ -549,13 +549,15 @@ def compared(mechanism: Mechanism, mesh: Mesh, progress: Progress | None = None)
     return Compared(label, found["compliance"], found["amplification"], bands)
 
 
-def verification(mechanism: Mechanism) -> MechanismErrors:
+def verification(mechanism: Mechanism, layers: int | None = None) -> MechanismErrors:
     """Return the errors of both analytic networks of a mechanism, in its dimensions.
+
+    layers : of elements in half of the thickness, for the whole plate in three dimensions.
 
     Raises BadInput for a mechanism without hinges.
     """
     require_hinges(mechanism, "which the analytic models need that are compared with finite elements", BY_ELEMENTS)
-    mesh = mesh_of(mechanism, "both", None, None)
+    mesh = mesh_of(mechanism, "both", None, layers)
     assert mesh is not None
     layout, models, finest = mechanism.layout, dict[str, ModelAnswer](), compared(mechanism, mesh)
     lever, elements_at = layout.lever, finest.compliance[:3, :3]

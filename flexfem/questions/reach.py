@@ -23,7 +23,7 @@ from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.drive import LARGEST_LOAD, Commanding, commanding, driven_elements, stack_names
 from flexfem.questions.driven import LIMITS, MULTIPLIER, SINGULAR, CommandLimits, Driven, command_limits, stroke_limits
-from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, options
+from flexfem.questions.setup import DEFAULT, Analytic, about, elements_through, mesh_of, options
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
@@ -146,7 +146,7 @@ class Polytope(NamedTuple):
 Stops = dict[tuple[str, str, str], LimitNames]  # by ("zero" or "free", direction, "low" or "high")
 
 
-@options(not_for="load analytic", only_for="plane layers")
+@options(not_for="load analytic", only_for="plane solid thickness_resolution")
 def reach(
     stage: Stage | Mechanism,
     *,
@@ -154,7 +154,8 @@ def reach(
     models: Literal["both", "analytic"] = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     plane: bool = False,
 ) -> Reach:
     """Poses that the drive of a stage reaches within all limits, or that a mechanism reaches within its strokes.
@@ -167,8 +168,8 @@ def reach(
         "both" adds the ranges along the axes by finite elements.
     resolution : int, optional
         Triangles across every neck.
-    layers : int, optional
-        Three-dimensional model of a mechanism with this number of layers in half the thickness, from 3.
+    solid : bool
+        The whole plate of a mechanism by finite elements in three dimensions.
     {shared}
 
     Examples
@@ -179,13 +180,14 @@ def reach(
     [24.0, 28.6]
     """
     if isinstance(stage, Mechanism):
+        layers = elements_through(solid, thickness_resolution)
         return of_mechanism(stage, plates.mesh_of(stage, models, resolution, layers), models)
     mesh, F = mesh_of(stage, models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     commanded = commanding(analytic.chosen(stage, warnings))
     poses = pose_set(commanded, commanded.system, F)
     try:
-        solid = poses.solid(lever)
+        reachable = poses.solid(lever)
     except NothingAllowed:
         raise ComputationFailed(_why_unreachable(commanded, poses, F)) from None
     ends, stops = poses.ranges()
@@ -196,25 +198,25 @@ def reach(
     values: dict[str, Any] = {
         "load": F,
         "rest": poses.rest,
-        "circle": _radius(solid, poses.rest * [1, 1, 0], 2),
-        "ball": _radius(solid, poses.rest * [1, 1, lever], 3),
-        "volume": solid.volume,
-        "vertices": solid.vertices,
-        "commands": solid.commands,
+        "circle": _radius(reachable, poses.rest * [1, 1, 0], 2),
+        "ball": _radius(reachable, poses.rest * [1, 1, lever], 3),
+        "volume": reachable.volume,
+        "vertices": reachable.vertices,
+        "commands": reachable.commands,
     }
-    warnings += _warnings(commanded, drive, solid, lever)
+    warnings += _warnings(commanded, drive, reachable, lever)
     warnings += warning.of_motion(stage, np.max(np.abs(ends[1]), axis=0), "the farthest poses of the drive")
     notes = ["limits of the ranges; base 2+ is the longest stroke of the stack base in chain 2, base 2- its shortest:"]
     notes += [f"{direction}, others {others}, {end} end: {by}" for (others, direction, end), by in stops.items()]
-    notes.append(f"all poses: {len(solid.vertices)} vertices, {len(solid.faces)} faces")
-    if solid.missed:
-        notes[-1] += f"; some poses are outside these faces by up to {100 * solid.missed:.2g} % of the largest"
+    notes.append(f"all poses: {len(reachable.vertices)} vertices, {len(reachable.faces)} faces")
+    if reachable.missed:
+        notes[-1] += f"; some poses are outside these faces by up to {100 * reachable.missed:.2g} % of the largest"
     model = commanded.result
     notes.append(warning.driven_accuracy(model.formula, model.links, model.plane))
-    axes = {"actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
+    axes = {"actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(reachable.vertices))]}
     return setup.answer(
         Reach, about(stage, drive=True), found, mesh, {"analytic model": model.name}, values, axes,
-        warnings=warnings, notes=notes, fields=solid,
+        warnings=warnings, notes=notes, fields=reachable,
     )  # fmt: skip
 
 

@@ -31,7 +31,7 @@ from flexfem import arguments
 from flexfem.analytic.model import ModelChoice, choose
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, Sector, StageMesh
+from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION, Sector, StageMesh
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.stage_mesh import mesh_sectors, plate_of
 from flexfem.files.provenance import Sourced, assumptions
@@ -57,7 +57,8 @@ SHARED = {
     'models : {"both", "analytic", "elements"}': "The models to compute.",
     "analytic : Analytic": "The analytic model.",
     "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
-    "layers : int, optional": "Three-dimensional model with this number of layers in half the thickness, from 3.",
+    "solid : bool": "The whole plate by finite elements in three dimensions.",
+    "thickness_resolution : int, optional": "With `solid`, layers of elements in half of the thickness, from 3.",
     "plane : bool": "Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.",
     "progress : callable, optional": "Called with a line of text after each completed part.",
 }
@@ -103,6 +104,8 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
 
     @wraps(function)
     def checked(*positional: Any, **named: Any) -> Any:
+        if "layers" in named and "solid" in signature.parameters:
+            raise BadInput(f"layers {printed(named['layers'])}: this option is now {SOLID_NOW}")
         hints, bound = hints_of(), signature.bind(*positional, **named).arguments
         options, known, other = only_for, "a mechanism", "the nine-hinge stage"
         if isinstance(subject := bound.get("stage"), Mechanism):
@@ -125,8 +128,8 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
         if "stage" in bound and not isinstance(subject, Mechanism):
             check_feasible(bound["stage"])
         if isinstance(subject, Mechanism) and bound.get("plane"):
-            if bound.get("layers") is not None:
-                raise BadInput(f"plane with layers {bound['layers']}, expected one of the two")
+            if bound.get("solid"):
+                raise BadInput("plane with solid, expected one of the two")
             if subject.model == "three_dimensional":
                 bound["stage"] = subject.replace(model="plane_stress")
             return function(**bound)
@@ -190,6 +193,7 @@ PLATE_SOLID_RESOLUTION = 4  # of mechanisms: the plane compliance of leaf spring
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 ELASTIC = "elastic bodies"  # label of the network of parts, each with the compliance by finite elements of it alone
 ELASTIC_READ = f"{ELASTIC}: bodies and hinges by finite elements of each part, joined at rigid sections"
+SOLID_NOW = "solid, with thickness_resolution for the number of elements in half of the thickness"
 NO_HINGES = "the plate has no hinges: the analytic models do not apply, and all numbers are those of finite elements"
 BY_HINGES = (
     f"{SOLID}: plane finite elements of the plate, and three-dimensional ones of every hinge, also in the elastic "
@@ -202,6 +206,18 @@ class Mesh(NamedTuple):
 
     resolution: int
     layers: int
+
+
+def elements_through(solid: bool, thickness_resolution: int | None) -> int | None:
+    """Return the layers of elements in half of the thickness of a plate that is wholly in three dimensions, else None.
+
+    Raises BadInput for a number without `solid`, or out of range.
+    """
+    if not solid:
+        if thickness_resolution is not None:
+            raise BadInput(f"thickness_resolution {printed(thickness_resolution)} without solid, expected solid")
+        return None
+    return LAYERS if thickness_resolution is None else arguments.thickness_resolution(thickness_resolution, 3)
 
 
 def mesh_of(
@@ -220,12 +236,10 @@ def mesh_of(
     """
     if models == "analytic":
         require_hinges(plate, "which the analytic models need", "models 'both' or 'elements'")
-        for name, value in (("resolution", resolution), ("layers", layers)):
-            if value is not None:
-                raise BadInput(f"{name} {value} with models 'analytic', expected models with finite elements")
+        for stated in ([] if resolution is None else [f"resolution {resolution}"]) + ["solid"] * (layers is not None):
+            raise BadInput(f"{stated} with models 'analytic', expected models with finite elements")
         return None
     if layers is not None:
-        layers = arguments.layers(layers, 3)
         usual = PLATE_SOLID_RESOLUTION if isinstance(plate, Mechanism) else usual_solid
     return Mesh(arguments.resolution(usual if resolution is None else resolution, least), layers or 0)
 
@@ -278,7 +292,7 @@ class MeshFields(NamedTuple):
 
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     """Return a mesh as settings of a result."""
-    return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
+    return {} if mesh is None else {"resolution": mesh.resolution, "thickness resolution": mesh.layers or None}
 
 
 def about(

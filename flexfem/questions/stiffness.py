@@ -184,7 +184,8 @@ def stiffness(
     displacement: tuple[float, float, float] | None = None,
     force_at: Mapping[str, Sequence[float]] | Sequence[str] | None = None,
     resolution: int | None = None,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Stiffness:
@@ -212,7 +213,7 @@ def stiffness(
     >>> round(float(found.at("yield_range", direction="x")[0]), 3)  # mm
     0.641
     """
-    mesh = plates.mesh_of(stage, models, resolution, layers)
+    mesh = plates.mesh_of(stage, models, resolution, setup.elements_through(solid, thickness_resolution))
     load = _asked(stage.layout, force, displacement, force_at)
     stated = warning.of_numbers(stage)
     network = _network_of_stage(stage, analytic, models, stated) if isinstance(stage, Stage) else None
@@ -654,7 +655,8 @@ def summary(
     models: Models = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Summary:
@@ -671,7 +673,12 @@ def summary(
     >>> float(found.at("yield_range", direction="x", model="analytic").round(3))  # mm
     0.641
     """
-    mesh: dict[str, Any] = {"models": models, "resolution": resolution, "layers": layers}
+    mesh: dict[str, Any] = {
+        "models": models,
+        "resolution": resolution,
+        "solid": solid,
+        "thickness_resolution": thickness_resolution,
+    }
     found = stiffness(stage, analytic=analytic, **mesh, progress=progress)
     settings, notes = _material(stage)
     settings, notes, warnings = settings | found.settings, [*found.notes, *notes], list(found.warnings)
@@ -694,7 +701,8 @@ def summary(
             target |= {name: source[name] for name in source if name == "first_out_of_plane"}
         warnings += first.warnings
         if stage.layout.actuators:
-            reached = of_mechanism(stage, plates.mesh_of(stage, **mesh), models)
+            layers = setup.elements_through(solid, thickness_resolution)
+            reached = of_mechanism(stage, plates.mesh_of(stage, models, resolution, layers), models)
             drive = f"drive min, max: range of the drive with all actuators ({reached.axes['model'][-1]})"
             notes.append(f"{drive}; first frequency: without the actuators")
     else:

@@ -141,7 +141,7 @@ def of_thickness(stage: Stage) -> Warnings:
     listed = ", ".join(f"{value:+.2g} % in {axis}" for axis, value in zip(DIRECTIONS, changes, strict=True))
     return [
         f"{PLANES[stage.model]} neglects the thickness of the hinges, which changes the stiffness by {listed} "
-        "(thickness chart); `--layers 3` of `stiffness` and of `modes` includes it"
+        "(thickness chart); `--solid` of `stiffness` and of `modes` includes it"
     ]
 
 

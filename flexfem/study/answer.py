@@ -170,7 +170,7 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> Array:
     if models != "analytic":
         settings["resolution"] = study.resolution
     if study.model == "three_dimensional":
-        settings["layers"] = study.layers
+        settings |= {"solid": True, "thickness_resolution": study.layers}
     for name in dict.fromkeys(path.split(".")[0] for path in study.ask):
         question = getattr(flexfem, name)
         parameters = inspect.signature(question).parameters

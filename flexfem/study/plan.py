@@ -317,7 +317,7 @@ APPLIES = {  # models of the keys that not every model takes
     "mobility": ("analytic", "verify"),
     "links": ("analytic",),
     "resolution": ("fe", "verify", "three_dimensional"),
-    "layers": ("three_dimensional",),
+    "thickness_resolution": ("three_dimensional",),
     "time_limit_s": ("fe", "verify", "three_dimensional"),
     "bands": ("verify",),
     "frequencies": ("analytic", "fe", "verify"),  # in the plane
@@ -500,7 +500,7 @@ class Study(Asked):
     `analytic` and `verify`, `links` for `analytic`"""
     resolution: int = Field(default=4, ge=4, le=FINEST)
     """Number of triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
-    layers: int = Field(default=2, ge=1, le=MOST_LAYERS)
+    layers: int = Field(default=2, ge=1, le=MOST_LAYERS, alias="thickness_resolution")
     """Layers of elements in half the thickness, with `three_dimensional`. Two have an error of 0.2 % on the reference
     stages and take 2 s a design with identical chains, 6 s with different ones; three 0.1 %, 4 s and 10 s"""
     bands: bool = True

@@ -163,7 +163,7 @@ def test_compliance_by_hinges_is_that_of_the_whole_plate():
 def test_stiffness_of_a_parallelogram_by_hinges_is_that_of_the_whole_plate(tmp_path):
     mechanism = leaf(25.0)
     by_hinges = flexfem.stiffness(mechanism, models="elements")
-    whole = flexfem.stiffness(mechanism, models="elements", layers=4)
+    whole = flexfem.stiffness(mechanism, models="elements", solid=True, thickness_resolution=4)
     for quantity in ("free", "held"):
         value, band = (part(quantity, model="three dimensions") for part in (by_hinges.at, by_hinges.band))
         right, its_band = (part(quantity, model="three dimensions") for part in (whole.at, whole.band))

@@ -167,7 +167,7 @@ def test_leaves_guide_with_the_sum_of_their_cubes_and_carry_with_the_sum_of_thei
 @pytest.mark.slow
 def test_leaves_thicker_than_drawn_are_as_much_stiffer_in_three_dimensions(guide, tmp_path):
     """The deviation is that of the cubes, and the stiffness that of wide leaves, which cannot bend across."""
-    flat, deep = (as_made(guide, tmp_path, dict.fromkeys(LEAVES, 550), layers=n) for n in (None, 3))
+    flat, deep = (as_made(guide, tmp_path, dict.fromkeys(LEAVES, 550), solid=whole) for whole in (False, True))
     assert deep.deviation[0, :2] == pytest.approx(flat.deviation[0, :2], abs=0.5)
     assert 1.0 < deep.stiffness[0, 0] / flat.stiffness[0, 0] < 1 / (1 - POISSON**2)
     assert np.all(deep.bands["stiffness"].diagonal() < 0.02 * deep.stiffness.diagonal())

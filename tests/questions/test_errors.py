@@ -126,7 +126,8 @@ def test_a_case_in_three_dimensions_is_what_the_extruded_stage_does(project):
     [
         ('analysis = "nonlinear"', 'analysis = "nonlinear", expected "linear" with model = "three'),
         ('drive = "joints"', 'drive = "joints", expected "force" with model = "three_dimensional"'),
-        ("layers = 2", "layers = 2"),
+        ("thickness_resolution = 2", "thickness_resolution = 2"),
+        ("layers = 3", "layers: this key is now thickness_resolution"),
     ],
 )
 def test_what_a_case_in_three_dimensions_does_not_take_is_refused(edit, said, project):

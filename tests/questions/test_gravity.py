@@ -61,11 +61,11 @@ def test_the_links_weigh_on_the_platform_by_their_share(unlike):
 @pytest.mark.slow
 def test_a_horizontal_plate_sags_and_its_band_holds_a_finer_mesh():
     stage = flexfem.load(STAGE)
-    coarse = flexfem.gravity(stage, payload=0.1, resolution=4, layers=3)
-    fine = flexfem.gravity(stage, payload=0.1, resolution=6, layers=4)
+    coarse = flexfem.gravity(stage, payload=0.1, resolution=4, solid=True)
+    fine = flexfem.gravity(stage, payload=0.1, resolution=6, solid=True, thickness_resolution=4)
     sag, band = coarse.at("sag", model=SOLID)[0], coarse.band("sag", model=SOLID)[0]
     assert sag < 0 and abs(sag - fine.at("sag", model=SOLID)[0]) < band < 0.05 * abs(sag)
     np.testing.assert_allclose(coarse.at("sag", model=SOLID)[1:] * 24.0, 0.0, atol=1e-6 * abs(sag))
     first = 2 * np.pi * 693.03  # rad/s, the first mode out of the plane without a payload
-    bare = flexfem.gravity(stage, resolution=4, layers=3).at("sag", model=SOLID)[0]
+    bare = flexfem.gravity(stage, resolution=4, solid=True).at("sag", model=SOLID)[0]
     assert abs(bare) == pytest.approx(1e3 * G / first**2, rel=0.25), "g over the squared frequency, nearly"

@@ -118,7 +118,7 @@ def test_bands_hold_what_meshes_differ_by_and_round_off_where_symmetry_makes_zer
 @pytest.mark.slow
 def test_three_dimensions_drift_as_the_plane_says_and_rise_with_a_gradient_through_the_thickness():
     """Resolution 6, three layers; on 9 triangles across a neck, one layer, x goes -0.022993 and z rises 0.0012457."""
-    found = flexfem.drift(flexfem.load(STAGE), layers=3)
+    found = flexfem.drift(flexfem.load(STAGE), solid=True)
     pose, band = found.at("pose", model=SOLID), found.band("pose", model=SOLID)
     truth = [[0.0, 0.0, 5.474e-6], [-0.022996, 0.0029614, 0.0], [-0.0029614, -0.022996, 0.0]]
     np.testing.assert_allclose(pose[:3], truth, rtol=1e-3, atol=1e-15)
@@ -139,7 +139,7 @@ def test_three_dimensions_drift_as_the_plane_says_and_rise_with_a_gradient_throu
 def test_unlike_chains_tilt_in_three_dimensions_and_fields_of_every_case_are_written(monkeypatch, tmp_path):
     monkeypatch.setattr(heat, "LEAST_SOLID", 4)
     unlike = flexfem.load(STAGE).replace(override=NECKS, thickness=4.0)
-    found = flexfem.drift(unlike, models="elements", resolution=4, layers=3)
+    found = flexfem.drift(unlike, models="elements", resolution=4, solid=True)
     tilt, sheet = found.at("tilt", model=SOLID), found.at("pose", model="plane stress")
     assert min(abs(tilt[1:])) * 24.0 > 1e-3 * abs(tilt[0]) > 0.0
     for solid, plane in zip(found.at("pose", model=SOLID)[:3], sheet[:3], strict=True):
@@ -163,8 +163,8 @@ def test_the_figure_has_the_numbers_of_every_case_and_says_where_it_is_warmer(fo
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--models", "analytic", "--layers", "3"], "layers 3 with models 'analytic'"),
-        (["--layers", "3", "--resolution", "5"], "resolution 5, expected an integer from 6"),
+        (["--models", "analytic", "--solid"], "solid with models 'analytic'"),
+        (["--solid", "--resolution", "5"], "resolution 5, expected an integer from 6"),
         (["--links", "--mobility", "6"], "links with mobility 6, expected 21 or None"),
         (["--models", "elements", "--formula", "beam"], "beam"),
     ],

@@ -65,7 +65,7 @@ def test_ratios_by_thickness_belong_to_the_mode_of_the_same_frequency():
 def test_frequencies_by_hinges_are_those_of_the_whole_plate():
     mechanism = flexfem.load("geometry/parallelogram.toml")
     by_hinges = flexfem.modes(mechanism, count=3, models="elements")
-    whole = flexfem.modes(mechanism, count=6, models="elements", layers=4)
+    whole = flexfem.modes(mechanism, count=6, models="elements", solid=True, thickness_resolution=4)
     in_plane = np.isnan(whole.tilt).all(axis=1)
     names = {"model": "three dimensions"}
     value, band = by_hinges.at("frequency", **names), by_hinges.band("frequency", **names)

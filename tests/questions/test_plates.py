@@ -39,7 +39,7 @@ GUIDE = {
 def test_wide_leaves_lie_between_plane_stress_and_plane_strain_and_bands_cover_finer_meshes():
     """A wide clamped leaf cannot bend across its width: plane strain is the limit of its stiffness, 1 / (1 - nu^2)."""
     guide = Mechanism.model_validate(GUIDE)
-    found = flexfem.stiffness(guide, models="elements", layers=3)
+    found = flexfem.stiffness(guide, models="elements", solid=True)
     plane, solid = found.values["free"]
     assert 1.06 < solid[0] / plane[0] < 1 / (1 - 0.33**2)
     band = found.bands["free"][1]
@@ -116,7 +116,7 @@ def test_a_mass_on_a_bar_vibrates_out_of_the_plane_with_the_stiffness_of_a_timos
     bar = GUIDE | {"thickness_mm": 4, "payload": {"mass_g": 1000}, "output": {"body": "stage", "at_mm": [0, 43]}}
     bar["body"] = [GUIDE["body"][0], {"name": "stage", "outline_mm": [[-5, 40], [5, 40], [5, 46], [-5, 46]]}]
     bar["hinge"] = [{"name": "bar", "at_mm": [0, 20], "fillet_mm": 0} | LEAF | {"length_mm": 40, "neck_mm": 2}]
-    found = flexfem.modes(Mechanism.model_validate(bar), count=2, layers=3)
+    found = flexfem.modes(Mechanism.model_validate(bar), count=2, solid=True)
     assert found.axes["mode"] == ("1 in the plane", "2 out of the plane")
     E, G = 72000, 72000 / 2.66
     compliance = (43**3 - 3**3) / (3 * E * 2 * 4**3 / 12) + 1.2 * 40 / (G * 8)
@@ -169,7 +169,7 @@ def test_a_bar_sags_in_its_plane_and_out_of_it_as_a_timoshenko_cantilever():
         name="bar", thickness=2.0, material=material, output={"body": "bar", "at": [40, 0]}, payload={"mass": 2.16e-6},
         body=[{"name": "bar", "path": [[0, 0], [80, 0]], "width": 2.5, "clamped_edges": [1]}],
     )  # fmt: skip
-    found = flexfem.gravity(bar, models="elements", layers=3)
+    found = flexfem.gravity(bar, models="elements", solid=True)
     for pose in found.pose[:, 0]:
         assert pose == pytest.approx([0.0, -4.4696e-3, -148.74e-6], rel=6e-3, abs=1e-8)
     assert found.at("sag", model="three dimensions") == pytest.approx([-6.9796e-3, 0.0, 232.40e-6], rel=6e-3, abs=1e-7)
@@ -237,8 +237,8 @@ def test_plane_is_plane_stress_but_not_where_the_file_says_plane_strain():
     assert thick.axes["model"] == ("three dimensions",)
     soft, between, hard = (float(found.at("free", direction="x")[0]) for found in (sheet, thick, held))
     assert soft < between < hard
-    with pytest.raises(BadInput, match=r"^plane with layers 3, expected one of the two$"):
-        flexfem.stiffness(guide, plane=True, layers=3)
+    with pytest.raises(BadInput, match=r"^plane with solid, expected one of the two$"):
+        flexfem.stiffness(guide, plane=True, solid=True)
 
 
 def test_the_drift_of_a_thick_mechanism_has_a_band_for_its_thickness():

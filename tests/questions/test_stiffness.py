@@ -104,7 +104,7 @@ def test_a_neck_off_the_chart_is_said_and_has_the_papers_formula(stage):
 @pytest.mark.slow
 def test_the_reference_stage_is_a_tenth_stiffer_in_three_dimensions_than_in_plane_stress(stage, tmp_path):
     """Truth: resolution 8 and six layers (benchmarks/solid.py)."""
-    found = flexfem.stiffness(stage, displacement=(0.04, -0.01, 3e-4), resolution=4, layers=3)
+    found = flexfem.stiffness(stage, displacement=(0.04, -0.01, 3e-4), resolution=4, solid=True)
     soft, hard, full = (np.diag(found.at("compliance", model=m)) for m in ("plane stress", "plane strain", SOLID))
     np.testing.assert_allclose(soft / full - 1, [0.1048, 0.1048, 0.1046], atol=5e-4)
     assert np.all((1 - hard / full > 0.014) & (1 - hard / full < 0.018))

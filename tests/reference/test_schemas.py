@@ -119,7 +119,7 @@ BAD_VALUES = {
 }
 CONTRADICTIONS = {
     "nonlinear links": ("case", (("analysis",), "nonlinear"), (("curve", 0), LINKED)),
-    "layers in the plane": ("case", (("layers",), 4)),
+    "resolution of the thickness in the plane": ("case", (("thickness_resolution",), 4)),
     "saltelli with designs": ("study", (("sampling",), {"method": "saltelli", "designs": 64, "seed": 1})),
     "arm without a stroke": ("study", (("drive",), {"lever_arm_mm": 9.0})),
     "step of a list": ("requirements", (("free",), [{"key": "thickness_mm", "values": [8.0, 9.0], "step": 0.5}])),

@@ -149,7 +149,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
         [(MONTE_CARLO, 'method = "table"\nfile = "no.csv"'), *TABLE], ["line 9", "no.csv", "no such file"]),
     "file without a table": ([("seed = 7", 'seed = 7\nfile = "a.csv"')], ["line 11", "file", "monte_carlo"]),
     "provenance of nothing": ([more('[provenance]\n"factor[2]" = "assumed"')], ["provenance", "factor[1]"]),
-    "layers in the plane": ([(ANALYTIC, 'model = "fe"\nlayers = 3')], ["no layers with model"]),
+    "layers in the plane": ([(ANALYTIC, 'model = "fe"\nthickness_resolution = 3')], ["no thickness_resolution with"]),
     "frequencies in three dimensions": ([SOLID, more("[frequencies]")], ["no frequencies with model"]),
     "expansion without drift": (
         [(NECKS, "material.expansion_um_per_m_k")], ["expected a number that affects outputs"]),

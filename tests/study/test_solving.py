@@ -154,7 +154,7 @@ def test_a_study_asks_any_number_of_a_question_by_its_path(studies: Any, head: s
 
 
 def test_three_dimensions_are_those_of_the_stage(studies: Any) -> None:
-    loaded = studies.of(*ONE, head='model = "three_dimensional"\nlayers = 1')
+    loaded = studies.of(*ONE, head='model = "three_dimensional"\nthickness_resolution = 1')
     found, stage = columns(loaded, loaded.stage), loaded.stage
     response = solve_solid(stage, 4, 1)
     K = np.linalg.inv(response.compliance)
