@@ -31,6 +31,7 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.models import solve as solve
     from flexfem.page.report import report as report
     from flexfem.questions.as_built import as_built as as_built
+    from flexfem.questions.buckling import buckling as buckling
     from flexfem.questions.budget import budget as budget
     from flexfem.questions.check import check as check
     from flexfem.questions.convergence import converge as converge

@@ -254,6 +254,17 @@ def buckling_factors(layout: Layout, loads: Array, held: Sequence[Sequence[int]]
     """Return the least positive multiples (s,) of loads (s, k) at which a mechanism buckles; infinite if it does not.
 
     held : (s), ports whose displacements stay zero under each load, so that they cannot take part in buckling.
+    Raises ComputationFailed when a body can move without load.
+    """
+    plate = FinitePlate(layout)
+    pairs = zip(np.asarray(loads, dtype=float), held, strict=True)
+    return np.array([load_factors(plate, load, ports, 1)[0] for load, ports in pairs])
+
+
+def load_factors(plate: FinitePlate, load: Array, held: Sequence[int], count: int) -> Array:
+    """Return the least positive multiples (count,) of a load (k,) at which a mechanism buckles, then infinity.
+
+    held : ports whose displacements stay zero.
 
     Notes
     -----
@@ -265,22 +276,20 @@ def buckling_factors(layout: Layout, loads: Array, held: Sequence[Sequence[int]]
     """
     from scipy.linalg import eigh, null_space
 
-    plate = FinitePlate(layout)
     still = np.zeros(plate.size)
     rest = plate.state(still, np.zeros(plate.ports))
-    factors = np.full(len(loads), np.inf)
-    for number, (load, ports) in enumerate(zip(np.asarray(loads, dtype=float), held, strict=True)):
-        free = null_space(rest.P[:, list(ports)].T) if len(ports) else np.eye(plate.size)
-        stiffness = free.T @ rest.K @ free
-        q = free @ np.linalg.solve(stiffness, free.T @ rest.P @ load)
-        largest = max(np.abs(q[2::3]).max(), np.abs(q).max() / plate.extent)
-        if largest == 0:
-            continue
-        small = SMALL / largest  # the forces are proportional to the load up to this size
-        forces = plate.deformed(small * q).stress / small
-        loaded = plate.state(still, load).K - rest.K
-        change = free.T @ (plate.energy(still, forces)[1] - plate.energy(still)[1] + loaded) @ free
-        softening = eigh(-change, stiffness, eigvals_only=True)
-        if softening[-1] > ROUND_OFF * np.abs(softening).max():
-            factors[number] = 1 / softening[-1]
+    free = null_space(rest.P[:, list(held)].T) if len(held) else np.eye(plate.size)
+    stiffness = free.T @ rest.K @ free
+    q = free @ np.linalg.solve(stiffness, free.T @ rest.P @ load)
+    factors = np.full(count, np.inf)
+    largest = max(np.abs(q[2::3]).max(), np.abs(q).max() / plate.extent)
+    if largest == 0:
+        return factors
+    small = SMALL / largest  # the forces are proportional to the load up to this size
+    forces = plate.deformed(small * q).stress / small
+    loaded = plate.state(still, load).K - rest.K
+    change = free.T @ (plate.energy(still, forces)[1] - plate.energy(still)[1] + loaded) @ free
+    softening = eigh(-change, stiffness, eigvals_only=True)[::-1]
+    found = softening[softening > ROUND_OFF * np.abs(softening).max()][:count]
+    factors[: len(found)] = 1 / found
     return factors

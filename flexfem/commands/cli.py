@@ -35,7 +35,7 @@ from flexfem.units import DIRECTIONS, FORCES, POSES, UNITS, in_unit
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
-    "Stiffness and hinges": ("stiffness", "formulas"),
+    "Stiffness and hinges": ("stiffness", "buckling", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("drive", "reach", "large"),
     "Vibration, heat, weight and life": ("modes", "drift", "gravity", "life"),
@@ -70,6 +70,7 @@ TYPES: dict[str, Any] = {  # of parameters, for typer
     "files": list[Path],
     "sections": list[str],
     "force_at": list[str],
+    "hold": list[str],
 }
 MEASURED = {  # units of plain numbers of options, by direction for a vector
     **dict.fromkeys(("force", "load"), FORCES),

@@ -17,7 +17,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.fem.elements import ElementBatch, Plate, assembled, nodal_stress, stress_tensor, von_mises
 from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.ports import PlateModel, contact_forces
+from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
 from flexfem.fem.structure import Structure, structure
 from flexfem.refused import ComputationFailed
 
@@ -132,8 +132,8 @@ class Contacts(NamedTuple):
         onto = np.einsum("kca,can->cnk", self.wrenches, slopes)
         return np.asarray(self.gather.T @ onto.reshape(-1, len(self.wrenches)))
 
-    def softened(self, solve: Solve, unknowns: Array, load: Array) -> Solve:
-        """Solver of a tangent less the derivative of the loads (k,) by the unknowns, a matrix of rank 2 c."""
+    def change_of_loads(self, unknowns: Array, load: Array) -> tuple[Array, Array]:
+        """Derivative `Y H Y'` of the loads of (k,) by the unknowns: Y (size, 2 c), and H (2 c, 2 c)."""
         _, _, arm, rates = self._motion(unknowns)
         fx, fy, moment = np.einsum("k,kca->ac", load, self.wrenches)
         first, second = moment - fx * arm.imag + fy * arm.real, -fx * arm.real - fy * arm.imag
@@ -142,9 +142,13 @@ class Contacts(NamedTuple):
         H = first[:, None, None] * np.stack([np.stack([bb, bs], 1), np.stack([bs, -bb], 1)], 1)
         H += second[:, None, None] * rates[:, :, None] * rates[:, None]
         at = (4 * np.arange(len(arm))[:, None] + [2, 3]).ravel()
-        Y, whole = self.gather[at].T.toarray(), block_diag(*H)
+        return self.gather[at].T.toarray(), block_diag(*H)
+
+    def softened(self, solve: Solve, unknowns: Array, load: Array) -> Solve:
+        """Solver of a tangent less the derivative of the loads (k,) by the unknowns, a matrix of rank 2 c."""
+        Y, whole = self.change_of_loads(unknowns, load)
         soft = solve(Y)
-        inner = np.eye(len(at)) - whole @ (Y.T @ soft)
+        inner = np.eye(len(whole)) - whole @ (Y.T @ soft)
 
         def solved(b: Array) -> Array:
             x = solve(b)
@@ -154,21 +158,31 @@ class Contacts(NamedTuple):
 
 
 def contacts(model: PlateModel) -> Contacts:
-    """Return the contacts of the ports of a plane plate, less those with ground that does not move."""
+    """Return the contacts of the ports of a plate, less those with ground that does not move."""
     layout, structure = model.layout, model.structure
     parts = [patch for port in layout.ports for patch, _ in port.parts]
     moving = [at for at in dict.fromkeys(parts) if at.body >= 0 and not layout.bodies[at.body].fixed]
     rows, arms, wrenches = list[Array](), list[complex](), np.zeros((len(layout.ports), len(moving), 3))
     for patch in moving:
         along_x, along_y, moment = contact_forces(model.layout, model.mesh, patch)
-        x, y = moment.T  # a force at the point is one at the centroid with a moment
-        arms.append(complex(along_y[:, 0] @ x / (x @ x), -along_x[:, 1] @ y / (y @ y)))
-        rows.append(structure.loads(np.stack([along_x, along_y, moment, np.column_stack([y, -x])])).T)
+        x, y = moment.T
+        arms.append(arm_of(along_x, along_y, moment))
+        numbers = np.stack([along_x, along_y, moment, np.column_stack([y, -x])])
+        rows.append(structure.loads(through_thickness(structure, numbers)).T)
     for k, port in enumerate(layout.ports):
         for patch, wrench in port.parts:
             if patch in moving:
                 wrenches[k, moving.index(patch)] += wrench
     return Contacts(sp.csr_array(np.concatenate(rows)), np.array(arms), wrenches)
+
+
+def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
+    """Return the arm, mm, from the centroid of a contact to its point, from nodal forces (n, 2) of `contact_forces`.
+
+    A force at the point is one at the centroid with a moment.
+    """
+    x, y = moment.T
+    return complex(along_y[:, 0] @ x / (x @ x), -along_x[:, 1] @ y / (y @ y))
 
 
 class LargeStructure:

@@ -147,12 +147,12 @@ class PlateModel(Factorised):
         bodies = [body for body in bodies if any(body[1:])]
         inertia = [(m, j / 2, j / 2) if lifting else (m, m, j) for _, m, j in bodies]
         plane = [contact_forces(self.layout, self.mesh, patch, lifting) for patch, _, _ in bodies]
-        forces = [_through(self.structure, each) for each in plane]
+        forces = [through_thickness(self.structure, each) for each in plane]
         loads = [np.zeros((self.structure.size, 0)), *map(self.structure.loads, forces)]
         return mass_of(self.structure, self.layout.density, np.diag(np.ravel(inertia)), at=np.hstack(loads))
 
 
-def _through(structure: Structure, plane: Array) -> Array:
+def through_thickness(structure: Structure, plane: Array) -> Array:
     """Spread forces (k, n, 2) in the plane, or (k, n, 1) along z, evenly through the thickness: (k, n, ...)."""
     line = structure.line
     if line.axes == 2:
@@ -216,7 +216,7 @@ def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -
     lifting = whole.line.fixed
     output = layout.points[0][1]
     plane = contact_forces(layout, mesh, output, True) if lifting else forces_on_ports(layout, mesh)
-    forces = _through(whole, plane)
+    forces = through_thickness(whole, plane)
     return PlateModel(
         whole,
         (full_space(whole),),

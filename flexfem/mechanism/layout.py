@@ -256,6 +256,16 @@ class ElasticBody(NamedTuple):
     compliance: Array
 
 
+def loaded_contacts(layout: Layout, load: Array) -> dict[Patch, Array]:
+    """Return the wrenches (3,) at the points of the contacts of moving bodies by a load (k,) on the ports."""
+    found = dict[Patch, Array]()
+    for value, port in zip(load, layout.ports, strict=True):
+        for patch, wrench in port.parts:
+            if value and patch.body >= 0 and not layout.bodies[patch.body].fixed:
+                found[patch] = found.get(patch, np.zeros(3)) + value * np.array(wrench)
+    return found
+
+
 def interfaces(layout: Layout, body: int) -> tuple[Interface, ...]:
     """Interfaces of a body: the ends of its hinges, then the patches where the ports load it, in their order.
 

@@ -18,7 +18,6 @@ from flexfem.fem.elements import Plate, nodal_stress, von_mises
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.stage_mesh import sheet_of
-from flexfem.files.refusals import nearest
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -26,6 +25,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid_bands, stress_bands
+from flexfem.questions.loads import loads_at_points
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
 from flexfem.questions.ranges import RANGE, RANGE_FORCE, RANGE_LABELS, described, ranges, yielding_bodies
@@ -33,7 +33,7 @@ from flexfem.questions.reach import of_mechanism, reach
 from flexfem.questions.setup import DEFAULT, ELASTIC, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, FRESH, SHEET, SOLVED, STRESS, Gate, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, FORCES, PLANES, in_unit, without_unit
+from flexfem.units import DIRECTIONS, PLANES, without_unit
 
 HINGES_ALONE = "the analytic model does not hold there, and its stress and range at yield are those of hinges alone"
 NEARLY_EQUAL = Gate(1.0, absolute=1e4)  # of the place of a highest stress: another one may have nearly the same
@@ -407,37 +407,11 @@ def _asked(
     on_output = None if force is None else arguments.forces("force", force, 1)
     if not force_at:
         return _Load(on_output)
-    at_points = _at_points(layout, force_at)
+    at_points = loads_at_points(layout, force_at)
     on_ports = np.ravel(at_points).copy()
     if on_output is not None:
         on_ports[:3] += on_output
     return _Load(on_ports, at_points=at_points)
-
-
-def _at_points(layout: Layout, stated: Mapping[str, Sequence[float]] | Sequence[str]) -> Array:
-    """Return loads (points, 3) from those by the names of points, or from texts NAME=FX,FY,M. Raises BadInput."""
-    names = [name for name, _ in layout.points]
-    found = np.zeros((len(names), 3))
-    if isinstance(stated, str):
-        stated = [stated]
-    pairs = stated.items() if isinstance(stated, Mapping) else [_named_load(text) for text in stated]
-    for name, load in pairs:
-        if name not in names:
-            raise BadInput(f"force_at {name!r}, expected the name of a point{nearest(name, names)}")
-        found[names.index(name)] += arguments.forces(f"force_at {name}", load, 1)
-    return found
-
-
-def _named_load(text: str) -> tuple[str, list[float]]:
-    """Return the name and the load of a text NAME=FX,FY,M, whose numbers may have units. Raises BadInput."""
-    name, _, numbers = str(text).rpartition("=")
-    parts = numbers.split(",")
-    if not name or len(parts) != len(FORCES):
-        raise BadInput(f"force_at {text!r}, expected NAME=FX,FY,M: a point, two forces in N and a moment in N mm")
-    try:
-        return name.strip(), [in_unit(part.strip(), unit) for part, unit in zip(parts, FORCES, strict=True)]
-    except ValueError as error:
-        raise BadInput(f"force_at {name}: {error}") from None
 
 
 def _first_yields(layout: Layout, values: Values) -> str:

@@ -1,0 +1,179 @@
+"""Multiples of a stated load at which a plate buckles, by beams and by finite elements, in the plane and out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from flexfem import arguments
+from flexfem.analytic.finite import FinitePlate, load_factors
+from flexfem.arrays import Array
+from flexfem.fem.plate_mesh import mesh_layout
+from flexfem.fem.ports import PlateModel, plate_model
+from flexfem.fem.prestress import critical_shapes, lifted, prestress_by
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.stage import Stage
+from flexfem.questions import plates, setup
+from flexfem.questions.bands import SAFETY
+from flexfem.questions.loads import AtPoints, held_ports, required_load
+from flexfem.questions.plates import Values
+from flexfem.questions.setup import MeshFields, ModelAnswer, Models
+from flexfem.results import ANALYTIC, COARSER, Progress, Quantity, Result
+from flexfem.units import DIRECTIONS
+
+MOST = 20  # factors
+LIFTED_RESOLUTION = 2  # of the mesh for the first factor out of the plane
+LIFTED_LAYERS = (1, 2)  # in half the thickness
+LIFTED_MESH = 4e-3  # of a factor out of the plane, by this resolution: twice that of a frequency
+AT_REST = (
+    "the load factor multiplies the whole load; displacements before buckling are neglected, as by Euler: a mechanism "
+    "that moves far under the load, or that bends more and more, has its limit in `large`"
+)
+BEAMS_ONLY = "the analytic model has rigid bodies and hinges as beams"
+
+
+class Buckling(Result):
+    """Load factors at which a plate buckles under a stated load, lowest first."""
+
+    title = "buckling"
+    main = ("factor", {})
+    columns = ("model",)
+    reading = (AT_REST, BEAMS_ONLY)
+    factor = Quantity("load factor of buckling", "", ("factor", "model"), COARSER)
+    factor_out_of_plane = Quantity("load factor of buckling out of the plane", "", gate=COARSER)
+    load = Quantity("stated loads", "wrench", ("point", "direction"))
+    critical = Quantity("loads at which it buckles first", "wrench", ("point", "direction"), COARSER, "wrench")
+
+
+@setup.options(only_for="plane")
+def buckling(
+    stage: Stage | Mechanism,
+    *,
+    force: tuple[float, float, float] | None = None,
+    force_at: AtPoints | None = None,
+    hold: Sequence[str] | None = None,
+    count: int = 3,
+    models: Models = "both",
+    resolution: int | None = None,
+    layers: int | None = None,
+    plane: bool = False,
+    progress: Progress | None = None,
+) -> Buckling:
+    """Load factors at which a stage or mechanism buckles under a stated load.
+
+    Parameters
+    ----------
+    force : tuple of float, optional
+        Load on the output: N, N, N mm.
+    force_at : mapping of str to tuple of float, or sequence of str, optional
+        Loads at points by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M, repeated. Two opposite
+        loads at two points are a pair between their bodies.
+    hold : sequence of str, optional
+        Directions of the output that are held at zero: x, y or theta, repeated.
+    count : int
+        Number of load factors, from the lowest.
+    {shared}
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> guide = flexfem.load("geometry/parallelogram.toml")
+    >>> found = flexfem.buckling(guide, force=(0.0, -100.0, 0.0), count=1, models="analytic")
+    >>> round(float(found.factor[0, 0]), 4)
+    0.6013
+    """
+    layout = stage.layout
+    stated = required_load(layout, force, force_at)
+    count = arguments.integer("count", count, MOST)
+    held = held_ports(hold)
+    mesh = plates.mesh_of(stage, models, resolution, layers)
+    shapes = list[MeshFields]()
+
+    def of_beams(hinges: Array | None) -> Array:
+        return load_factors(FinitePlate(layout, hinges), stated.on_ports, held, count)
+
+    @cache
+    def by_mesh(resolution: int, layers: int) -> Array:
+        model = _factorised(stage, resolution, layers)
+        found = critical_shapes(model, prestress_by(model, stated.on_ports, held), held, count)
+        shapes.append(_fields(model, found.shapes))
+        return _all_of(found.factors, count)
+
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
+        factors = by_mesh(resolution, layers)
+        if thick is not None:
+            ratios = of_beams(thick.solid.hinges) / of_beams(thick.plane.hinges)
+            factors = factors * np.where(np.isfinite(ratios), ratios, 1.0)
+        return {"factor": factors}
+
+    found = dict[str, ModelAnswer]()
+    if models != "elements" and layout.joints:
+        factors = of_beams(None)
+        found[ANALYTIC] = ModelAnswer({"factor": np.where(np.isfinite(factors), factors, np.nan)})
+    if mesh is not None:
+        thickness = () if mesh.layers or isinstance(stage, Stage) else plates.thickness_of(stage)
+        found |= plates.by_elements(mesh, of_size, progress, thickness=thickness)
+    *_, last = found.values()
+    first = last.values["factor"][0]
+    values = {"load": stated.at_points, "critical": first * stated.at_points}
+    bands = dict[str, Any]()
+    if "factor" in last.bands:
+        bands["critical"] = last.bands["factor"][0] * np.abs(stated.at_points)
+    warnings = list[str]()
+    if np.isnan(first):
+        text = "no buckling in the plane under a positive multiple of this load before strains are large"
+        warnings.append(text)
+    if mesh is not None and stage.model == "three_dimensional":
+        values["factor_out_of_plane"], bands["factor_out_of_plane"] = _out_of_plane(stage, stated.on_ports, held)
+        if values["factor_out_of_plane"] < np.nan_to_num(first, nan=np.inf):
+            warnings.append("it buckles first out of the plane: `factor_out_of_plane` is the lowest load factor")
+    settings = {"output held in": ", ".join(DIRECTIONS[port] for port in held) or None}
+    axes = {
+        "factor": [str(number + 1) for number in range(count)],
+        "point": [name for name, _ in layout.points],
+    }
+    fields = shapes[-1] if shapes else None
+    return setup.answer(
+        Buckling, stage, found, mesh, settings, values, axes, bands=bands, warnings=warnings, fields=fields
+    )
+
+
+def _factorised(stage: Stage | Mechanism, resolution: int, layers: int) -> PlateModel:
+    """Factorise the finite elements of a plate, of a stage as of any other mechanism."""
+    return plate_model(stage.layout, mesh_layout(stage.layout, resolution), plates.layers_of(stage, layers))
+
+
+def _all_of(factors: Array, count: int) -> Array:
+    """Return factors (count,), nan beyond those that were found."""
+    found = np.full(count, np.nan)
+    found[: len(factors)] = factors
+    return found
+
+
+def _fields(model: PlateModel, shapes: Array) -> MeshFields:
+    """Return the shapes (size, s) in which a plate buckles, with a largest displacement of 1 mm."""
+    structure = model.structure
+
+    def made() -> dict[str, Array]:
+        fields = structure.fields(shapes)
+        return {f"factor {number}": field / np.abs(field).max() for number, field in enumerate(fields, start=1)}
+
+    return MeshFields(structure.mesh, made, structure.layers.heights if structure.layers else None)
+
+
+def _out_of_plane(stage: Stage | Mechanism, load: Array, held: tuple[int, ...]) -> tuple[float, float]:
+    """Return the least load factor out of the plane, in which the held directions do not take part, and its band."""
+    mesh = mesh_layout(stage.layout, LIFTED_RESOLUTION)
+    found = list[float]()
+    for number in LIFTED_LAYERS:
+        layers = plates.layers_of(stage, number)
+        assert layers is not None
+        change = prestress_by(plate_model(stage.layout, mesh, layers), load, held)
+        model = plate_model(stage.layout, mesh, layers.antisymmetric)
+        factors = critical_shapes(model, lifted(change, model, load), (), 1).factors
+        found.append(float(_all_of(factors, 1)[0]))
+    few, many = found
+    return many, SAFETY * abs(many - few) + LIFTED_MESH * abs(many)
