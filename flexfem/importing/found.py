@@ -11,13 +11,15 @@ from flexfem.mechanism.outlines import Segment
 
 
 class DrawnMark(NamedTuple):
-    """A point or a closed contour on a named layer that says what a part is for, such as GROUND or OUTPUT.
+    """A point, line or closed contour on a named layer that says what a part is for, such as GROUND or OUTPUT.
 
-    points : one point, or the corners of the contour.
+    points : one point, the corners of an open line from end to end, or those of a closed contour; arcs and circles are
+        polygons of points on them.   closed : whether the last point is joined with the first.
     """
 
     layer: str
     points: tuple[complex, ...]
+    closed: bool = True
 
 
 class Drawing(NamedTuple):

@@ -1,0 +1,225 @@
+"""Contours of few segments: lines in a row are one line, arcs of one circle one arc, short chords the arc they mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import AnyArray
+from flexfem.importing.curves import arc, with_ends
+from flexfem.mechanism.outlines import Segment
+
+ON_ARC = 1e-3  # mm; most that the ends of chords lie off the arc that they mean
+EXACT = 1e-4  # mm; the same where the first of them lie as near: then it ends where the next curve begins
+CHORD = 5e-3  # mm; most that the middle of such a chord lies off the arc
+STEP = math.radians(6.1)  # most turn from chord to chord: 60 of them or more in a circle
+FEWEST = 6  # chords
+LEAST_TURN = math.radians(3.0)  # of chords in place of an arc; with less they may be a line
+ON_LINE = 2e-5  # mm; distance of the ends of lines in a row from the one line
+ONE_CIRCLE = 2e-4  # mm; distance of arcs in a row from the one arc
+
+
+class SmoothLoop(NamedTuple):
+    """A closed loop; `arcs` that stand for chords, and the largest distance of these chords from them, mm."""
+
+    loop: list[Segment]
+    arcs: int = 0
+    off: float = 0.0
+
+
+def smoothed(loop: Sequence[Segment]) -> SmoothLoop:
+    """Return a closed loop with as few lines and arcs as it can have."""
+    chords = _arcs_of_chords(_from_a_corner(loop))
+    segments = _joined_arcs(_joined_lines(_from_a_corner(chords.loop)))
+    return chords._replace(loop=segments)
+
+
+def _from_a_corner(loop: Sequence[Segment]) -> list[Segment]:
+    """Let the loop begin where it turns most, so that nothing that belongs together goes past its start."""
+    ahead = np.array([complex(each.tangent(0.0)) for each in loop])
+    behind = np.array([complex(each.tangent(1.0)) for each in loop])
+    turns = np.abs(np.angle(ahead / np.roll(behind, 1)))
+    radius = np.array([0.0 if each.centre is None else abs(each.start - each.centre) for each in loop])
+    other = np.abs(radius - np.roll(radius, 1)) > ONE_CIRCLE
+    first = int(np.argmax(turns + (other & (turns < STEP))))
+    return [*loop[first:], *loop[:first]]
+
+
+# Chords
+
+
+def _arcs_of_chords(loop: list[Segment]) -> SmoothLoop:
+    """Return the loop with arcs in place of rows of short lines whose ends are on one circle."""
+    segments = list[Segment]()
+    arcs, off = 0, 0.0
+    k = 0
+    while k < len(loop):
+        last = _straight_row(loop, k)
+        count, centre = _longest_row(loop, k, last)
+        if count < FEWEST or centre is None:
+            segments.append(loop[k])
+            k += 1
+            continue
+        row = loop[k : k + count]
+        found = _arc_through(row, centre)
+        off = max(off, _off(row, centre))
+        segments += found
+        arcs += 1
+        k += count
+    return SmoothLoop(segments, arcs, off)
+
+
+def _straight_row(loop: list[Segment], first: int) -> int:
+    """Return the end of the row of lines from `first` that turn a little, all to one side."""
+    if loop[first].centre is not None:
+        return first
+    last = first + 1
+    side = 0.0
+    while last < len(loop) and loop[last].centre is None:
+        before = loop[last - 1].end - loop[last - 1].start
+        turn = float(np.angle((loop[last].end - loop[last].start) / before))
+        if abs(turn) > STEP or turn * side < 0 or turn == 0:
+            break
+        side = turn
+        last += 1
+    return last
+
+
+def _longest_row(loop: list[Segment], first: int, last: int) -> tuple[int, complex | None]:
+    """Number of lines from `first`, at most up to `last`, whose ends are on one circle, and its centre."""
+    if last - first < FEWEST:
+        return 0, None
+    points = np.array([*(each.start for each in loop[first:last]), loop[last - 1].end])
+    for tolerance in (EXACT, ON_ARC):
+        if _centre(points[: FEWEST + 1], tolerance) is not None:
+            break
+    else:
+        return 0, None
+    good, bad = FEWEST, len(points)
+    while good < bad - 1:
+        count = min(2 * good, bad - 1) if bad == len(points) else (good + bad) // 2
+        if _centre(points[: count + 1], tolerance) is None:
+            bad = count
+        else:
+            good = count
+    return good, _centre(points[: good + 1], tolerance)
+
+
+def _centre(points: AnyArray, tolerance: float) -> complex | None:
+    """Centre of the circle that points (n,) are on within a tolerance, with short chords between them, or None."""
+    closed = abs(points[-1] - points[0]) < ON_LINE
+    start, end = complex(points[0]), complex(points[-1])
+    if closed:
+        centre = _fitted(points)
+    else:
+        ahead = (end - start) / abs(end - start)
+        local = (points[1:-1] - (start + end) / 2) / ahead
+        half = abs(end - start) / 2
+        weight = local.imag
+        square = float(np.sum(weight**2))
+        if square < ON_LINE**2:
+            return None
+        height = float(np.sum(weight * (np.abs(local) ** 2 - half**2))) / (2 * square)
+        centre = (start + end) / 2 + 1j * ahead * height
+    spokes = points - centre
+    radius = float(np.mean(np.abs(spokes[[0, -1]])))
+    steps = np.angle(spokes[1:] / spokes[:-1])
+    chords = radius * (1 - np.cos(np.max(np.abs(steps)) / 2))
+    turn = abs(float(np.sum(steps)))
+    fits = np.max(np.abs(np.abs(spokes) - radius)) <= tolerance and chords <= CHORD and np.max(np.abs(steps)) <= STEP
+    height = radius * (1 - math.cos(min(turn, math.pi) / 2))  # with less than this the points are as well on a line
+    return centre if fits and turn >= LEAST_TURN and height > 5 * tolerance else None
+
+
+def _fitted(points: AnyArray) -> complex:
+    """Centre of the circle of least squares of |z|^2 through points."""
+    middle = complex(np.mean(points))
+    z = points - middle
+    matrix = np.column_stack([z.real, z.imag, np.ones(len(z))])
+    found = np.linalg.lstsq(matrix, np.abs(z) ** 2, rcond=None)[0]
+    return middle + complex(found[0], found[1]) / 2
+
+
+def _arc_through(row: Sequence[Segment], centre: complex) -> list[Segment]:
+    """Arcs about a centre from the start of a row of lines or arcs to its end."""
+    points = np.array([row[0].start, *(each.end for each in row)])
+    if abs(points[-1] - points[0]) > 0.2 * abs(points[0] - centre):  # else its ends do not tell the centre
+        centre = with_ends(Segment(row[0].start, row[-1].end, centre), row[0].start, row[-1].end).centre or centre
+    turn = float(np.sum(np.angle((points[1:] - centre) / (points[:-1] - centre))))
+    found = arc(centre, row[0].start, turn)
+    found[-1] = found[-1]._replace(end=row[-1].end)
+    return found
+
+
+def _off(row: Sequence[Segment], centre: complex) -> float:
+    """Largest distance of the lines of a row from the circle about a centre through their ends, mm."""
+    radius = abs(row[0].start - centre)
+    ends = max(abs(abs(each.end - centre) - radius) for each in row)
+    middles = max(abs(abs((each.start + each.end) / 2 - centre) - radius) for each in row)
+    return max(ends, middles)
+
+
+# Lines and arcs in a row
+
+
+def _joined_lines(loop: Sequence[Segment]) -> list[Segment]:
+    """Join lines that follow each other on one line."""
+    joined = list[Segment]()
+    between = list[complex]()  # ends of the lines that the last of `joined` replaces
+    for segment in loop:
+        if joined and segment.centre is None and joined[-1].centre is None:
+            whole = Segment(joined[-1].start, segment.end)
+            ends = np.array([*between, segment.start])
+            if _in_a_row(whole, ends):
+                joined[-1] = whole
+                between.append(segment.start)
+                continue
+        joined.append(segment)
+        between = []
+    return joined
+
+
+def _in_a_row(whole: Segment, ends: AnyArray) -> bool:
+    """Whether points are on a line, in their order."""
+    if abs(whole.end - whole.start) < ON_LINE:
+        return False
+    places = (ends - whole.start) / (whole.end - whole.start)
+    steps = np.diff([0.0, *places.real.tolist(), 1.0])
+    return bool(np.all(steps > 0) and np.max(np.abs(places.imag)) * abs(whole.end - whole.start) <= ON_LINE)
+
+
+def _joined_arcs(loop: Sequence[Segment]) -> list[Segment]:
+    """Join arcs that follow each other on one circle; each is again of less than half a turn."""
+    joined = list[Segment]()
+    row = list[Segment]()
+    for segment in [*loop, None]:
+        if row and segment is not None and _one_circle(row, segment):
+            row.append(segment)
+            continue
+        if len(row) > 1:
+            joined += _arc_through(row, _row_centre(row))
+        else:
+            joined += row
+        row = [] if segment is None else [segment]
+    return joined
+
+
+def _row_centre(row: Sequence[Segment]) -> complex:
+    """Centre of arcs of one circle: that of the longest."""
+    centre = max(row, key=lambda each: each.length).centre
+    assert centre is not None
+    return centre
+
+
+def _one_circle(row: list[Segment], segment: Segment) -> bool:
+    """Whether an arc continues a row on its circle."""
+    first = row[0]
+    if first.centre is None or segment.centre is None or segment.turn * first.turn < 0:
+        return False
+    points = np.array([*(complex(each.at(share)) for each in (row[-1], segment) for share in (0.0, 0.5, 1.0))])
+    centre = _row_centre([*row, segment])
+    radius = abs(row[0].start - centre)
+    return bool(np.max(np.abs(np.abs(points - centre) - radius)) <= ONE_CIRCLE)
