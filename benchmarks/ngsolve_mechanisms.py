@@ -176,6 +176,10 @@ class Fields:
             held = {"dirichletx": "ground", "dirichlety": "ground", "dirichletz": "ground|middle"}
         self.space = ng.VectorH1(self.mesh, order=order, **held)
 
+    def inertia(self, mass: float, moment: float) -> tuple[float, float, float]:
+        """Mass and moment of inertia of a body in the motions of `_basis`."""
+        return mass, mass, moment
+
     def factorised(self, mu: float, volume: float) -> tuple[Any, Any]:
         """Stiffness matrix for both elastic constants, and its inverse."""
         u, v = self.space.TnT()
@@ -276,14 +280,14 @@ def solid_reference(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array
 
 
 def first_frequency(fields: Fields, inverse: Any) -> Array:
-    """First natural frequency (1,), Hz, of half a plate."""
+    """First natural frequency (1,), Hz, of half a plate, in the displacements of a space."""
     layout = fields.layout
     u, v = fields.space.TnT()
     M = ng.BilinearForm(fields.space, symmetric=True)
     M += layout.density * u * v * ng.dx
     M.Assemble()
-    carried = [(load.contact, (load.mass, load.mass, load.inertia)) for load in layout.payloads]
-    carried += [(at, (one.mass / 2, one.mass / 2, 0.0)) for one in layout.actuators for at in one.contacts]
+    carried = [(load.contact, fields.inertia(load.mass, load.inertia)) for load in layout.payloads]
+    carried += [(at, fields.inertia(one.mass / 2, 0.0)) for one in layout.actuators for at in one.contacts]
     means, masses = [], []
     for contact, inertia in carried:
         for unit, one in zip(np.eye(3), inertia, strict=True):

@@ -12,17 +12,19 @@ from flexfem import arguments
 from flexfem.analytic.large import Serial, loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse, at_necks
 from flexfem.analytic.responses import driven_model
-from flexfem.arrays import Array, inverse
+from flexfem.analytic.strokes import Displaced
+from flexfem.arrays import Array, Index, inverse
 from flexfem.fem.fields import driven_response, neck_maxima, neck_wrenches, plane_stress
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import ActuatorSet, drive_of
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import actuators_of
-from flexfem.questions import plates, setup
+from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.driven import (
     CRITERIA,
@@ -40,7 +42,7 @@ from flexfem.questions.driven import (
 from flexfem.questions.plates import ON_MESHES, PEAK
 from flexfem.questions.setup import DEFAULT, Analytic, MeshFields, about, elements_through, for_mechanisms, mesh_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FLOOR, FRESH, SOLVED, STRESS, Gate, Quantity, Result
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FLOOR, FRESH, SOLID, SOLVED, STRESS, Gate, Quantity, Result
 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; more than a thousand times the range of piezo drives
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
@@ -103,13 +105,18 @@ class MechanismDrive(Result):
 
     title = "drive"
     main = ("motion", {})
-    reading = ("all actuators are in place with their stiffness; a motion is that for the free stroke of one actuator",)
+    reading: ClassVar[tuple[str, ...]] = (
+        "all actuators are in place with their stiffness; a motion is that for the free stroke of one actuator, which "
+        "acts along its line at rest",
+        "analytic, elastic bodies: linear theory; other models: at finite displacement",
+    )
     motion = Quantity(
         "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"), ON_MESHES, "all"
     )
     transmission = Quantity(
-        "output motion per free stroke", ("", "", "rad_per_mm"), ("actuator", "model", "direction"), ON_MESHES, "all"
-    )
+        "output motion per free stroke, at small strokes", ("", "", "rad_per_mm"), ("actuator", "model", "direction"),
+        ON_MESHES, "all",
+    )  # fmt: skip
     used = Quantity(
         "opening of the actuator over its free stroke", "percent", ("actuator", "model"), ON_MESHES,
         note="the rest of the stroke is lost to the elasticity of the actuator",
@@ -131,6 +138,10 @@ class MechanismDrive(Result):
     engaged = Quantity(
         "stiffness of the output with all actuators, other directions held", "stiffness", ("model", "direction"),
         ON_MESHES._replace(relative=1e-3),  # it has that of bodies at small contacts
+    )  # fmt: skip
+    engaged_free = Quantity(
+        "stiffness of the output with all actuators, other directions free", "stiffness", ("model", "direction"),
+        ON_MESHES._replace(relative=1e-3),
     )  # fmt: skip
 
 
@@ -278,42 +289,117 @@ def drive(
 
 def _of_mechanism(mechanism: Mechanism, mesh: setup.Mesh | None, models: setup.Models) -> MechanismDrive:
     """Return the motion of a mechanism by the full free stroke of each of its actuators."""
-    layout, drives, strokes = mechanism.layout, mechanism.layout.drive_ports, mechanism.layout.drive.highest
-    numbers = np.arange(len(strokes))
+    layout = mechanism.layout
+    strokes = np.diag(layout.drive.highest)
+    commands = [finite.by_strokes(layout, one) for one in strokes]
+    changes = finite.changes(mechanism, mesh, commands)
 
-    def values(response: plates.Responses) -> dict[str, Any]:
-        C, found = response.compliance, Driven.of_mechanism(mechanism, response.compliance)
-        motion = (C[: 3 * len(layout.points), drives] @ found.Y).reshape(-1, 3, len(drives))
-        output, opening = motion[0].T, found.C[3:, 3:] @ found.Y  # (a, 3), (a, a)
-        main = np.argmax(np.abs(output[:, :2]), axis=1)
-        along = np.where(np.abs(one := output[numbers, main]) > ROUND_OFF * np.max(np.abs(motion)), one, np.nan)
-        cross, rotation = output[numbers, 1 - main] / along, output[:, 2] / along
-        coupled = np.where(numbers == numbers[:, None], np.nan, opening.T)
-        return {
-            "motion": np.moveaxis(motion * strokes, -1, 0),
-            "transmission": output,
-            "used": 100 * np.diag(opening),
-            "coupling": 100 * np.where(np.abs(coupled) < ROUND_OFF, 0.0, coupled),
-            "cross": 100 * np.where(np.abs(cross) < FLOOR, 0.0, cross),
-            "rotation": np.where(np.abs(rotation) * layout.lever < FLOOR, 0.0, rotation),
-            "force": np.diag(found.Y) * strokes,
-            "stress": response.stress((found.Y * strokes).T @ np.eye(len(C))[drives]),
-            "engaged": found.stiffness,
-        }
+    def of_network(elastic: bool) -> plates.Values:
+        return _at_strokes(mechanism, plates.network(mechanism, elastic), None)
+
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> plates.Values:
+        label = SOLID if layers or thick is not None else ELEMENTS
+        return _at_strokes(mechanism, plates.elements(mechanism, resolution, layers, thick), changes.of(label))
 
     def made() -> dict[str, Array]:
         assert mesh is not None
         response = plates.solved(mechanism, mesh.resolution)
-        loads = Driven.of_mechanism(mechanism, response.compliance).Y * strokes
-        fields = np.tensordot(loads.T, response.fields[drives], 1)
+        loads = Driven.of_mechanism(mechanism, response.compliance).Y * layout.drive.highest
+        fields = np.tensordot(loads.T, response.fields[layout.drive_ports], 1)
         return dict(zip(layout.drive.names, fields, strict=True))
 
-    found = plates.of_models(mechanism, mesh, models, values)
+    found = plates.by_models(mechanism, mesh, models, of_network, of_size)
+    found = {label: _with_errors(layout, one, changes) for label, one in found.items()}
     plane = mesh is not None and not mesh.layers
     fields = MeshFields(plates.meshed(mechanism, mesh.resolution), made) if mesh is not None and plane else None
     warnings = plates.over_yield(mechanism, found, "stress", "full stroke")
+    warnings += changes.warnings("at full stroke", mesh)
+    notes = changes.notes("at full stroke", mesh)
     axes = {"other": layout.drive.names}
-    return setup.answer(MechanismDrive, mechanism, found, mesh, axes=axes, warnings=warnings, fields=fields)
+    return setup.answer(
+        MechanismDrive, mechanism, found, mesh, axes=axes, warnings=warnings, notes=notes, fields=fields
+    )
+
+
+def _at_strokes(
+    mechanism: Mechanism, response: plates.Responses, changes: Sequence[Displaced] | None
+) -> dict[str, Any]:
+    """Return the values of one model at the full stroke of each actuator: linear theory, and changes (a) to add."""
+    layout = mechanism.layout
+    drives, strokes = layout.drive_ports, layout.drive.highest
+    C = response.compliance
+    found = Driven.of_mechanism(mechanism, C)
+    forces = (found.Y * strokes).T @ np.eye(len(C))[drives]  # (a, k)
+    motions, stress = forces @ C, response.stress(forces)
+    transmission = motions[:, :3] / strokes[:, None]
+    if changes is not None:
+        motions = motions + np.array([one.motions for one in changes])
+        forces = forces + np.array([one.loads for one in changes])
+        stress = stress + np.array([one.stress for one in changes])
+    opening = motions[:, drives] / strokes[:, None]
+    numbers = np.arange(len(strokes))
+    coupled = np.where(numbers == numbers[:, None], np.nan, opening)
+    main = _main_translation(motions)
+    cross = main.output[numbers, 1 - main.axis] / main.along
+    rotation = main.output[:, 2] / main.along
+    return {
+        "motion": motions[:, : 3 * len(layout.points)].reshape(len(drives), -1, 3),
+        "transmission": transmission,
+        "used": 100 * np.diag(opening),
+        "coupling": 100 * np.where(np.abs(coupled) < ROUND_OFF, 0.0, coupled),
+        "cross": 100 * np.where(np.abs(cross) < FLOOR, 0.0, cross),
+        "rotation": np.where(np.abs(rotation) * layout.lever < FLOOR, 0.0, rotation),
+        "force": np.diag(forces[:, drives]),
+        "stress": stress,
+        "engaged": found.stiffness,
+        "engaged_free": 1 / np.diag(found.engaged),
+    }
+
+
+class _MainTranslation(NamedTuple):
+    """Motions (a, 3) of the output by each actuator, the axes (a,) of their larger translations, and these (a,)."""
+
+    output: Array
+    axis: Index
+    along: Array
+
+
+def _main_translation(motions: Array) -> _MainTranslation:
+    """Return the main translations of motions (a, k) of the ports; nan where there is none."""
+    output = motions[:, :3]
+    axis = np.argmax(np.abs(output[:, :2]), axis=1)
+    along = output[np.arange(len(output)), axis]
+    moved = np.abs(along) > ROUND_OFF * np.max(np.abs(motions))
+    return _MainTranslation(output, axis, np.where(moved, along, np.nan))
+
+
+def _with_errors(layout: Layout, found: setup.ModelAnswer, changes: finite.Changes) -> setup.ModelAnswer:
+    """Add the possible errors of finite displacements to the bands of values at full stroke; no band without them."""
+    if "motion" not in found.bands:
+        return found
+    bands = dict(found.bands)
+    if changes.failure:
+        linear = ("transmission", "engaged", "engaged_free")
+        return found._replace(bands={name: band for name, band in bands.items() if name in linear})
+    drives, strokes = layout.drive_ports, layout.drive.highest
+    motions = np.array([one.motions for one in changes.errors()])
+    loads = np.array([one.loads for one in changes.errors()])
+    opening = 100 * motions[:, drives] / strokes[:, None]
+    main = _main_translation(found.values["motion"].reshape(len(drives), -1))
+    along = np.abs(main.along)
+    numbers = np.arange(len(drives))
+    relative = motions[numbers, main.axis] / along
+    across = motions[numbers, 1 - main.axis] / along
+    added = {
+        "motion": motions[:, : 3 * len(layout.points)].reshape(len(drives), -1, 3),
+        "used": np.diag(opening),
+        "coupling": opening,
+        "cross": 100 * across + np.abs(found.values["cross"]) * relative,
+        "rotation": motions[:, 2] / along + np.abs(found.values["rotation"]) * relative,
+        "force": np.diag(loads[:, drives]),
+        "stress": np.array([one.stress for one in changes.errors()]),
+    }
+    return found._replace(bands=bands | {name: bands[name] + error for name, error in added.items()})
 
 
 def commanding(chosen: ModelChoice) -> Commanding:

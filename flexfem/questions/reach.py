@@ -8,30 +8,34 @@ these programs bound it. Once every plane of the hull is a supporting plane, hul
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from flexfem import arguments
+from flexfem.analytic.strokes import Displaced
 from flexfem.arrays import Array, Index
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.questions import plates, setup
+from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.drive import LARGEST_LOAD, Commanding, commanding, driven_elements, stack_names
 from flexfem.questions.driven import LIMITS, MULTIPLIER, SINGULAR, CommandLimits, Driven, command_limits, stroke_limits
 from flexfem.questions.setup import DEFAULT, Analytic, about, elements_through, mesh_of, options
 from flexfem.refused import ComputationFailed
-from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
+from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
 
 KINDS = (*LIMITS, "yield")  # first part of the name of a limit, before " of "
 EXACT = 1e-9  # of limits and of the largest coordinate: tolerance of linear programs and of the hull
 ROUND_OFF = 1e-9  # of the extent by strokes alone in a direction, and of the size of the poses
 FLAT = 1e-7  # of the largest coordinate: smallest width of a set in a direction that counts as an extent
+MOST_STACKS = 5  # of a mechanism whose strokes are all combined: beams take 0.05 s for each combination
 MOST = 300  # vertices of all poses: curved yield limits would give many thousands; shipped stages have at most 64
 EXTENDS = ("are a single pose", "lie on a line", "lie in a plane")  # poses that are not solid, by dimension
 
@@ -44,7 +48,7 @@ class Reach(Result):
     labels: ClassVar = {"others": ("zero", "free"), "end": ("low", "high")}
     figure = "drive.reach_figure"
     drawn_from_fields = True
-    reading = (
+    reading: ClassVar[tuple[str, ...]] = (
         "limits: stroke, contacts without tension, blocking force, and yield of the necks by the linear analytic model",
     )
     load = Quantity("load on the platform", "wrench", ("direction",), shown=False, only="stage")
@@ -72,7 +76,8 @@ class MechanismReach(Reach, mechanism=True):
     figure, drawn_from_fields = "", False
     reading = (
         "motion relative to zero strokes; others: the other two directions, free, or held at zero by at least three "
-        "actuators",
+        "actuators; an actuator acts along its line at rest",
+        "analytic, elastic bodies: linear theory; other models: at finite displacement",
     )
     ends = replace(Reach.ends, scale="all")  # all components of an end may be round-off
 
@@ -146,6 +151,17 @@ class Polytope(NamedTuple):
 Stops = dict[tuple[str, str, str], LimitNames]  # by ("zero" or "free", direction, "low" or "high")
 
 
+class PoseRanges(NamedTuple):
+    """Ends of the ranges along the axes (2 others zero or free, 2 low and high, 3), nan if no pose is reached.
+
+    stops : the limits that they reach.   commands : (2, 2, 3, m), of these ends.
+    """
+
+    ends: Array
+    stops: Stops
+    commands: Array
+
+
 @options(not_for="load analytic", only_for="plane solid thickness_resolution")
 def reach(
     stage: Stage | Mechanism,
@@ -190,11 +206,11 @@ def reach(
         reachable = poses.solid(lever)
     except NothingAllowed:
         raise ComputationFailed(_why_unreachable(commanded, poses, F)) from None
-    ends, stops = poses.ranges()
+    ends, stops, _ = poses.ranges()
     found = {ANALYTIC: setup.ModelAnswer({"ends": ends})}
     if mesh is not None:
         elements = driven_elements(stage, mesh.resolution).system
-        found[ELEMENTS] = setup.ModelAnswer({"ends": pose_set(commanded, elements, F).ranges()[0]})
+        found[ELEMENTS] = setup.ModelAnswer({"ends": pose_set(commanded, elements, F).ranges().ends})
     values: dict[str, Any] = {
         "load": F,
         "rest": poses.rest,
@@ -222,12 +238,87 @@ def reach(
 
 def of_mechanism(mechanism: Mechanism, mesh: setup.Mesh | None, models: setup.Models) -> MechanismReach:
     """Return the ends of the motion of the output of a mechanism by the strokes of all actuators."""
+    layout = mechanism.layout
+    corners = _corners(mechanism)
+    changes = finite.changes(mechanism, mesh, [finite.by_strokes(layout, x) for x in corners.commands])
 
-    def values(response: plates.Responses) -> dict[str, Any]:
-        system = Driven.of_mechanism(mechanism, response.compliance)
-        return {"ends": PoseSet(system, stroke_limits(system), np.zeros(3)).ranges()[0]}
+    def of_network(elastic: bool) -> plates.Values:
+        return {"poses": _poses(mechanism, plates.network(mechanism, elastic), corners, None)}
 
-    return setup.answer(MechanismReach, mechanism, plates.of_models(mechanism, mesh, models, values), mesh)
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> plates.Values:
+        label = SOLID if layers or thick is not None else ELEMENTS
+        response = plates.elements(mechanism, resolution, layers, thick)
+        return {"poses": _poses(mechanism, response, corners, changes.of(label))}
+
+    found = plates.by_models(mechanism, mesh, models, of_network, of_size)
+    found = {label: _ends(one, corners, changes) for label, one in found.items()}
+    warnings = changes.warnings("at the ends", mesh)
+    notes = changes.notes("at the ends", mesh)
+    return setup.answer(MechanismReach, mechanism, found, mesh, warnings=warnings, notes=notes)
+
+
+class _Corners(NamedTuple):
+    """Commands (c, m) of a mechanism at the ends of its ranges by linear theory, and their numbers.
+
+    numbers : (2 others zero or free, 2 low and high, 3), -1 where no commands hold the others at zero.
+    """
+
+    commands: Array
+    numbers: Index
+
+
+def _corners(mechanism: Mechanism) -> _Corners:
+    """Return the commands at the ends of the ranges, by the network or, without hinges, by coarse finite elements.
+
+    With the others free they are those of few actuators that beams with finite rotations move farthest.
+    """
+    layout = mechanism.layout
+    response = plates.network(mechanism) if layout.joints else plates.elements(mechanism, plates.PART_RESOLUTION)
+    system = Driven.of_mechanism(mechanism, response.compliance)
+    commands = PoseSet(system, stroke_limits(system), np.zeros(3)).ranges().commands
+    if layout.joints and len(layout.actuators) <= MOST_STACKS:
+        corners = np.array(list(product(*zip(layout.drive.lowest, layout.drive.highest, strict=True))))
+        changes = finite.changes(mechanism, None, [finite.by_strokes(layout, x) for x in corners]).of(ANALYTIC)
+        if changes is not None:
+            poses = corners @ system.poses.T + np.array([one.motions[:3] for one in changes])
+            commands[1] = corners[[np.argmin(poses, axis=0), np.argmax(poses, axis=0)]]
+    whole = commands.reshape(-1, commands.shape[-1])
+    known = ~np.isnan(whole).any(axis=1)
+    unique, numbers = np.unique(whole[known], axis=0, return_inverse=True)
+    found = np.full(len(whole), -1)
+    found[known] = numbers.ravel()
+    return _Corners(unique, found.reshape(commands.shape[:-1]))
+
+
+def _poses(
+    mechanism: Mechanism, response: plates.Responses, corners: _Corners, changes: Sequence[Displaced] | None
+) -> Array:
+    """Return the poses (c, 3) at commands by one model: linear theory, and changes (c) to add."""
+    poses = corners.commands @ Driven.of_mechanism(mechanism, response.compliance).poses.T
+    return poses if changes is None else poses + np.array([one.motions[:3] for one in changes])
+
+
+def _ends(found: setup.ModelAnswer, corners: _Corners, changes: finite.Changes) -> setup.ModelAnswer:
+    """Return the ends of the ranges from the poses at commands, and their bands with the errors of the changes.
+
+    With the others free an end is that of the poses at all commands, since a finite displacement also moves the output
+    along directions in which linear theory does not.
+    """
+    poses = found.values["poses"]
+    widths = np.full(poses.shape, np.nan)
+    if "poses" in found.bands and not changes.failure:
+        widths = found.bands["poses"] + np.array([one.motions[:3] for one in changes.errors()])
+    poses, widths = (np.vstack([rows, np.zeros(3)]) for rows in (poses, widths))  # at rest, too
+    ends, bands = (np.full((2, 2, 3), np.nan) for _ in range(2))
+    for at in np.ndindex(2, 2, 3):
+        others, end, axis = at
+        number = int(corners.numbers[at])
+        if others == 1:
+            number = int((np.argmin, np.argmax)[end](poses[:, axis]))
+        if number >= 0:
+            ends[at] = poses[number, axis]
+            bands[at] = widths[number, axis]
+    return setup.ModelAnswer({"ends": ends}, {"ends": bands} if found.bands else {})
 
 
 class PoseSet:
@@ -279,12 +370,13 @@ class PoseSet:
             found = touching[multipliers > MULTIPLIER * np.max(multipliers, initial=0.0)]
         return LimitNames(self.names[k] for k in sorted(set(found.tolist()) - {-1}))
 
-    def ranges(self) -> tuple[Array, Stops]:
-        """Return ends (2 others zero or free, 2 low and high, 3), nan if no pose is reached, and their limits.
+    def ranges(self) -> PoseRanges:
+        """Return the ends of the ranges along the axes.
 
         Fewer than three commands do not hold the others at zero. Raises NothingAllowed.
         """
         ends, stops = np.full((2, 2, 3), np.nan), Stops()
+        commands = np.full((2, 2, 3, self.G.shape[1]), np.nan)
         for axis, direction in enumerate(DIRECTIONS):
             others_of = {"zero": tuple(k for k in range(3) if k != axis), "free": ()}
             for row, (others, zero) in enumerate(others_of.items()):
@@ -297,9 +389,10 @@ class PoseSet:
                         raise
                     continue
                 value = self.rest[axis] + x @ self.G[axis]
+                commands[row, :, axis] = x
                 ends[row, :, axis] = np.where(np.abs(value) < ROUND_OFF * self.size[axis], 0.0, value)
                 stops |= {(others, direction, end): limits for end, limits in zip(("low", "high"), by, strict=True)}
-        return ends, stops
+        return PoseRanges(ends, stops, commands)
 
     def solid(self, lever: float) -> Polytope:
         """Return the polytope of all poses. Raises NothingAllowed."""

@@ -1,0 +1,104 @@
+"""Equilibria of a mechanism of beams by the strokes of its actuators and under dead loads, with finite rotations.
+
+An actuator of stiffness k and stroke s pushes its contacts apart with the force `k (s - d)` at an opening d. It acts
+along its line at rest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.finite import CLOSE, ITERATIONS, LARGEST, SMALLEST
+from flexfem.analytic.paths import DrivenPlate
+from flexfem.arrays import Array
+
+STIFF = 1e7  # times the stiffness of a port: of an actuator that holds its opening
+SMALL = 1e-5  # of a command, for the stress by linear theory
+
+
+class Displaced(NamedTuple):
+    """Motions (k,), mm and rad, of the ports, loads (k,), N and N mm, on them, and highest stress (h,), MPa.
+
+    Or changes of these, or their possible errors.
+    """
+
+    motions: Array
+    loads: Array
+    stress: Array
+
+    def plus(self, other: Displaced, share: float = 1.0) -> Displaced:
+        """Add a share of another one."""
+        return Displaced(*(mine + share * added for mine, added in zip(self, other, strict=True)))
+
+    def error(self, share: float) -> Displaced:
+        """Return the possible error if it is a share of every number."""
+        return Displaced(*(share * np.abs(mine) for mine in self))
+
+
+class Applied(NamedTuple):
+    """Dead loads (k,) on the ports, N and N mm, and strokes (k,) of the actuators at ports, mm.
+
+    springs : (k,), stiffness of the actuators, N/mm; zero at ports without one, infinite if it holds its opening.
+    """
+
+    loads: Array
+    strokes: Array
+    springs: Array
+
+
+def linear(plate: DrivenPlate, command: Applied) -> Displaced:
+    """Return what linear theory states at a command."""
+    springs = _springs(plate, command)
+    rest = plate.state(np.zeros(plate.size), np.zeros(plate.ports))
+    stiffness = rest.K + (rest.P * springs) @ rest.P.T
+    q = np.asarray(np.linalg.solve(stiffness, rest.P @ (command.loads + springs * command.strokes)))
+    motions = rest.P.T @ q
+    loads = command.loads + springs * (command.strokes - motions)
+    return Displaced(motions, loads, plate.stress(SMALL * q) / SMALL)
+
+
+def displaced_by(plate: DrivenPlate, command: Applied) -> Displaced | None:
+    """Return the equilibrium at a command, which grows from rest in steps; None without one."""
+    springs = _springs(plate, command)
+    q, done, share = np.zeros(plate.size), 0.0, 1.0
+    while done < 1.0:
+        after = min(1.0, done + share)
+        part = Applied(after * command.loads, after * command.strokes, springs)
+        found = _equilibrium(plate, q, part)
+        if found is None:
+            share /= 4
+            if share < SMALLEST:
+                return None
+            continue
+        q, done, share = found, after, 2 * share
+    motions = plate.state(q, command.loads).motions
+    loads = command.loads + springs * (command.strokes - motions)
+    return Displaced(motions, loads, plate.stress(q))
+
+
+def _springs(plate: DrivenPlate, command: Applied) -> Array:
+    """Return the stiffness (k,) of the actuators, that of rigid ones by that of their ports."""
+    if np.isfinite(command.springs).all():
+        return command.springs
+    rest = plate.state(np.zeros(plate.size), np.zeros(plate.ports))
+    own = 1 / np.einsum("sk,sk->k", rest.P, np.linalg.solve(rest.K, rest.P))
+    return np.where(np.isfinite(command.springs), command.springs, STIFF * own)
+
+
+def _equilibrium(plate: DrivenPlate, q: Array, command: Applied) -> Array | None:
+    """Return the unknowns (size,) at a command, from a start; None if Newton's method does not converge."""
+    for _ in range(ITERATIONS):
+        motions = plate.state(q, command.loads).motions
+        at = plate.state(q, command.loads + command.springs * (command.strokes - motions))
+        step = np.linalg.solve(at.K + (at.P * command.springs) @ at.P.T, at.left)
+        if not np.isfinite(step).all():
+            return None
+        angle = np.abs(step[2::3]).max()
+        shift = np.abs(step.reshape(-1, 3)[:, :2]).max() / plate.extent
+        largest = max(angle, shift)
+        q = q + step * min(1.0, LARGEST / max(largest, CLOSE))
+        if largest < CLOSE:
+            return q
+    return None
