@@ -133,8 +133,8 @@ class Quantity:
 
     @property
     def largest(self) -> tuple[str, ...]:
-        """Axes over which tables show only the largest value: those of the hinges."""
-        return tuple(axis for axis in self.over if axis in ("chain", "hinge"))
+        """Axes over which tables show only the largest value: those of the hinges, and of limits."""
+        return tuple(axis for axis in self.over if axis in ("chain", "hinge", "limit"))
 
     @property
     def prefixed(self) -> bool:

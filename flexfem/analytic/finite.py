@@ -122,11 +122,13 @@ class FinitePlate:
         column, bodies = np.full((count, BEAMS + 1), self.size), {body: 3 * i for i, body in enumerate(moving)}
         column[:, 1:-1] = 3 * len(moving) + 3 * np.arange(count * (BEAMS - 1)).reshape(count, -1)
         column[:, [0, -1]] = [[bodies.get(body, self.size) for body in joint.bodies] for joint in layout.joints]
+        self.place = place  # of the nodes at rest
         self.column, self.arm = column, np.zeros_like(place)  # of the nodes, from the reference points of their bodies
         centre = np.zeros(self.size // 3 + 1, dtype=complex)
         for at in bodies.values():
             centre[at // 3] = place[column == at].mean()
             self.arm[column == at] = place[column == at] - centre[at // 3]
+        self.centre = centre  # reference points of the bodies
         self.chord, self.stiffness = np.diff(place).ravel(), np.concatenate([stiff[j.profile] for j in layout.joints])
         if hinges is not None:
             own = np.array([hinge_compliance_of(joint.profile, *material) for joint in layout.joints])

@@ -4,15 +4,18 @@ The motions of chosen ports are prescribed, and the forces that hold them follow
 stiffness bordered by these ports. The nodes between the beams of a hinge are eliminated hinge by hinge. A path ends
 where a hinge yields, or where the tangent stiffness of the motions that are not prescribed is no longer positive
 definite: there the mechanism buckles. J. M. T. Thompson and G. W. Hunt, A General Theory of Elastic Stability, 1973.
+It also ends where a body yields, where two parts of the plate touch, and at the stroke of an actuator.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from flexfem.analytic.contact import Clearance
 from flexfem.analytic.finite import (
     BEAMS,
     CLOSE,
@@ -38,6 +41,7 @@ FINEST = 1e-7  # of the margin at the end of a path, and relative error of its d
 APART = 1e-3  # least relative distance of two displacements from which slopes are taken
 NEAR = 0.7  # of the yield strength: stress in plane stress from which that in three dimensions is computed
 YIELD, BUCKLING, NO_LIMIT = "yield", "buckling", "no limit"
+BODY_YIELD, CONTACT, STROKE = "yield of a body", "contact", "stroke"
 StressRatios: TypeAlias = Callable[[Array], Array]  # of wrenches (h, 3), to plane stress
 
 
@@ -62,9 +66,10 @@ Placed: TypeAlias = tuple[float, PathPoint]  # at a displacement of the driven p
 class PathEnd(NamedTuple):
     """End of a path: the displacement of the driven port, mm or rad, and the force on it, N or N mm.
 
-    kind : `YIELD`, `BUCKLING` or `NO_LIMIT`.   at : the equilibrium.
+    kind : `YIELD`, `BODY_YIELD`, `BUCKLING`, `CONTACT`, `STROKE` or `NO_LIMIT`.   at : the equilibrium.
     exponents : (2,), of the force and of the highest stress as powers of the displacement near the end.
     linear : (2,), force and highest stress per displacement at rest.
+    parts : what touches or drives, and where; empty for the other kinds.   touching : numbers of the two parts.
     """
 
     displacement: float
@@ -73,6 +78,22 @@ class PathEnd(NamedTuple):
     at: PathPoint
     exponents: Array
     linear: Array
+    parts: str = ""
+    touching: tuple[int, int] | None = None
+
+
+class PathLimits(NamedTuple):
+    """What ends a path besides the yield of hinges and buckling.
+
+    rest : the equilibrium at rest.   port : the driven one.
+    body_stress : highest stress of bodies per force on it, MPa per N or N mm, zero if it is not known.
+    contact : whether parts touch near the end.
+    """
+
+    rest: PathPoint
+    port: int
+    body_stress: float
+    contact: bool = False
 
 
 class DrivenPlate(FinitePlate):
@@ -90,6 +111,14 @@ class DrivenPlate(FinitePlate):
         for number, joint in enumerate(layout.joints):
             self.alike.setdefault(joint.profile, []).append(number)
         self.marks = {profile: divided_profile(profile, BEAMS) for profile in self.alike}
+        self.openings = np.array(layout.drive_ports, dtype=np.int64)
+        self.strokes = np.array([actuator.stroke for actuator in layout.actuators])
+
+    @cached_property
+    def clearance(self) -> Clearance:
+        """The gaps between the parts."""
+        marks = np.array([self.marks[joint.profile] for joint in self.layout.joints])
+        return Clearance(self.layout, self, marks)
 
     def wrenches(self, beams: Beams) -> Array:
         """Tension, transverse force and moment (h, beams, 3) at the centre of the hinge, as of `Profile.stress`."""
@@ -178,28 +207,44 @@ class DrivenPlate(FinitePlate):
         inside = solved[:, :, n] - solved[:, :, :n] @ found[:n]
         return np.concatenate([found[:n], inside.ravel()]), found[n:]
 
-    def end(self, port: int, held: Sequence[int], scale: float) -> PathEnd:
-        """Follow a path from rest until a hinge yields or the mechanism buckles.
+    def end(self, port: int, held: Sequence[int], scale: float, body_stress: float = 0.0) -> PathEnd:
+        """Follow a path from rest to its end: the first limit of those of `PathEnd`.
 
         port : the driven one.   held : ports whose motions stay zero.
         scale : its displacement, mm or rad, with a sign, at which linear theory expects a hinge to yield.
+        body_stress : as of `PathLimits`.
         """
         ports = [port, *held]
         rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
+        limits = PathLimits(rest, port, body_stress)
         path, step, linear = [(0.0, rest)], scale / STEPS, self.slopes(port, held, scale)
         for _ in range(MOST_STEPS):
-            x = path[-1][0] + step
-            after = self._continued(path, ports, x)
+            before = path[-1][0]
+            after, touching = self._before_contact(path, ports, before + step)
             if after is None:
                 step /= 4
-                if abs(step) < SMALLEST_STEP * abs(x):
+                if abs(step) < SMALLEST_STEP * abs(before + step):
                     return _ended(path, path[-1], port, BUCKLING, linear)
-            elif self._margin(after, rest) <= 0:
-                return self._between(path, (x, after), ports, linear)
-            else:
-                step = (x - path[-1][0]) * (GROWTH if abs(x) > abs(scale) else 1.0)
-                path = [*path[-2:], (x, after)]
+                continue
+            limits = limits._replace(contact=touching)
+            if min(self._margins(after[1], limits).values()) <= 0:
+                return self._between(path, after, ports, limits, linear)
+            step = (after[0] - before) * (GROWTH if abs(after[0]) > abs(scale) else 1.0)
+            path = [*path[-2:], after]
         return _ended(path, path[-1], port, NO_LIMIT, linear)
+
+    def _before_contact(self, path: Sequence[Placed], ports: Sequence[int], x: float) -> tuple[Placed | None, bool]:
+        """Return the equilibrium at a displacement x, or at a smaller one where parts already touch, and if they do."""
+        at = self._continued(path, ports, x)
+        if at is None:
+            return None, False
+        before, last = path[-1]
+        share = self.clearance.share_to_contact(last.unknowns, at.unknowns)
+        if share is None:
+            return (x, at), False
+        x = before + share * (x - before)
+        at = self._continued(path, ports, x)
+        return (None if at is None else (x, at)), True
 
     def slopes(self, port: int, held: Sequence[int], scale: float) -> Array:
         """Return the force and the highest stress (2,) per displacement of a port at rest."""
@@ -229,9 +274,19 @@ class DrivenPlate(FinitePlate):
             path = [*path[-2:], (done * x, found)]
         return None
 
-    def _margin(self, at: PathPoint, rest: PathPoint) -> float:
-        """Distance from the nearest limit, 1 at rest and 0 there."""
-        return min(1 - float(at.stress.max()) / self.layout.yield_strength, at.softest / rest.softest)
+    def _margins(self, at: PathPoint, limits: PathLimits) -> dict[str, float]:
+        """Distances from the limits, about 1 at rest and 0 at a limit."""
+        strength = self.layout.yield_strength
+        found = {
+            YIELD: 1 - float(at.stress.max()) / strength,
+            BUCKLING: at.softest / limits.rest.softest,
+            BODY_YIELD: 1 - limits.body_stress * abs(float(at.forces[limits.port])) / strength,
+        }
+        if limits.contact:
+            found[CONTACT] = self.clearance.smallest(at.unknowns)[0]
+        if len(self.strokes):
+            found[STROKE] = float(np.min(1 - at.motions[self.openings] / self.strokes))
+        return found
 
     def _continued(self, path: Sequence[Placed], ports: Sequence[int], x: float) -> PathPoint | None:
         """Return the equilibrium at a displacement x, from the polynomial through others."""
@@ -249,12 +304,13 @@ class DrivenPlate(FinitePlate):
         path: Sequence[Placed],
         beyond: Placed,
         ports: Sequence[int],
+        limits: PathLimits,
         linear: Array,
     ) -> PathEnd:
         """Return the limit between the last equilibrium of a path and one beyond it, by the Illinois method."""
-        rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
         inside, low, high = list(path), path[-1][0], beyond[0]
-        below, above = self._margin(path[-1][1], rest), self._margin(beyond[1], rest)
+        below = min(self._margins(path[-1][1], limits).values())
+        above = min(self._margins(beyond[1], limits).values())
         x, at = beyond
         for _ in range(MOST_STEPS):
             last = x
@@ -266,7 +322,8 @@ class DrivenPlate(FinitePlate):
             if found is None:
                 x = last
                 break
-            at, margin = found, self._margin(found, rest)
+            at = found
+            margin = min(self._margins(at, limits).values())
             if abs(margin) < FINEST or abs(x - last) < FINEST * abs(x):
                 break
             if margin > 0:
@@ -274,9 +331,21 @@ class DrivenPlate(FinitePlate):
                 inside.append((x, found))
             else:
                 high, above, below = x, margin, below / 2
-        stressed = 1 - float(at.stress.max()) / self.layout.yield_strength
-        kind = YIELD if stressed < at.softest / rest.softest else BUCKLING
-        return _ended(path, (x, at), ports[0], kind, linear)
+        margins = self._margins(at, limits)
+        kind = min(margins, key=lambda name: margins[name])
+        end = _ended(path, (x, at), ports[0], kind, linear)
+        gap = self.clearance.smallest(at.unknowns)[1] if kind == CONTACT else None
+        if gap is not None:
+            end = end._replace(parts=self.clearance.said(gap), touching=gap.parts)
+        if kind == STROKE:
+            end = end._replace(parts=drive_at_stroke(self.layout, at.motions))
+        return end
+
+
+def drive_at_stroke(layout: Layout, motions: Array) -> str:
+    """Return the name of the actuator that is nearest to its stroke, at motions (k,) of the ports."""
+    shares = [motions[port] / each.stroke for port, each in zip(layout.drive_ports, layout.actuators, strict=True)]
+    return repr(layout.actuators[int(np.argmax(shares))].name)
 
 
 def driven_along(layout: Layout, port: int, motions: Array) -> FiniteResponse:

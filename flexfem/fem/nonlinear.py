@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.fem.body_stress import SIDES
 from flexfem.fem.elements import ElementBatch, Plate, assembled, nodal_stress, stress_tensor, von_mises
 from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
@@ -319,18 +320,37 @@ def driven(model: PlateModel, ports: Sequence[int], motions: Array) -> Equilibri
     return _equilibria(LargeStructure(model.structure, contacts(model)), motions, ports)
 
 
-def stress_in_hinges(model: PlateModel, field: Array) -> Array:
-    """Return the highest von Mises stress (h,), MPa, at the nodes of every hinge for displacements (n, 2), mm.
+def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
+    """Return the highest von Mises stress of hinges (h,) and moving bodies (b,), MPa, for displacements (n, 2), mm.
 
     It is that of the second Piola-Kirchhoff stress, whose axes turn with the material; strains are small. The nodes are
-    those of `ports.hinge_stress`.
+    those of `ports.hinge_stress` and of `body_stress.body_nodes`.
     """
-    structure, highest = model.structure, list[float]()
-    used = np.unique(np.concatenate(model.regions))
+    structure = model.structure
+    parts = [*model.regions, *model.bodies]
+    used = np.unique(np.concatenate(parts))
     stress = von_mises(nodal_stress(structure.mesh, structure.plate, field, used, strain=green_lagrange), model.ratio)
-    for nodes in model.regions:
-        highest.append(float(stress[np.searchsorted(used, nodes)].max()))
-    return np.array(highest)
+    highest = [float(stress[np.searchsorted(used, nodes)].max()) for nodes in parts]
+    hinges = len(model.regions)
+    return np.array(highest[:hinges]), np.array(highest[hinges:])
+
+
+def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> float:
+    """Return the distance, mm, of the edges of two parts for displacements (n, 2), mm; zero where they overlap.
+
+    parts : numbers of bodies, or of hinges after them, as in the mesh.
+    """
+    import shapely
+
+    mesh = model.mesh
+    places = mesh.nodes + field
+    edges = list[Any]()
+    for part in parts:
+        sides = mesh.triangles[mesh.bodies == part][:, SIDES].reshape(-1, 3)
+        _, first, count = np.unique(np.sort(sides[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
+        outer = sides[first[count == 1]][:, [0, 2, 1]]
+        edges.append(shapely.multilinestrings(shapely.linestrings(places[outer])))
+    return float(shapely.distance(*edges))
 
 
 class _Step(NamedTuple):

@@ -18,7 +18,8 @@ from flexfem.hinges.shapes import SHAPE_FORMULAS
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.layout import Joint
+from flexfem.mechanism.gaps import names_of_parts, smallest_gaps
+from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import GROUND, Mechanism, Reduction
 from flexfem.mechanism.mechanism_file import PlateBody
 from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon
@@ -31,6 +32,7 @@ from flexfem.results import Ends
 from flexfem.units import LENGTH, RATE
 
 POINTS = 121  # of a curve
+MOST_GAPS = 6  # that are listed
 HIGHEST = 1e6  # largest H/h accepted; the chart has no limit
 THICKNESSES, RATIOS = (0.5, 50.0), (0.02, 0.1, 0.3, 1.0)  # range of b/t, and values of t/R, of the thickness review
 
@@ -137,11 +139,20 @@ class LinearDrive(NamedTuple):
     mass_g: float
 
 
+class PlacedGap(NamedTuple):
+    """A gap between two parts of a mechanism, bodies or hinges; `at_mm`: where it is narrowest."""
+
+    between: str
+    gap_mm: float
+    at_mm: tuple[float, float]
+
+
 @brief
 class MechanismReport(NamedTuple):
     """A valid mechanism with all parameters and copies resolved, as far as it can be checked without a mesh.
 
     dimensions : thickness, material, payload and values of parameters.   size : in x and y.   mass : of the plate.
+    gaps : the smallest between parts, one for every pair, the smallest first.
     """
 
     file: str
@@ -155,6 +166,7 @@ class MechanismReport(NamedTuple):
     hinges: list[PlacedProfile]
     points: list[PlacedPoint]
     actuators: list[LinearDrive]
+    gaps: list[PlacedGap]
     provenance: dict[str, str]
     warnings: list[str]
     assumed: list[str]
@@ -234,9 +246,18 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
             )
             for each in layout.actuators
         ],
+        gaps=_gaps(layout),
         provenance={key: text for key, text in sources.items() if text not in map(sources.get, tables[key])},
         warnings=[*warning.of_numbers(mechanism), *warning.of_parameters(mechanism)],
     )
+
+
+def _gaps(layout: Layout) -> list[PlacedGap]:
+    names = names_of_parts(layout)
+    return [
+        PlacedGap(" - ".join(names[part] for part in gap.parts), _rounded(gap.width), _place(gap.place))
+        for gap in smallest_gaps(layout, MOST_GAPS)
+    ]
 
 
 def _held(body: PlateBody) -> str:

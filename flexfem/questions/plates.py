@@ -69,6 +69,7 @@ PEAKS = (
     "yield_force",
     "body_stress",
     "body_rate",
+    "free_body_rate",
     "point_stress",
 )
 PLACES = ("body_x", "body_y", "yield_x", "yield_y")  # of highest stresses, which change from mesh to mesh

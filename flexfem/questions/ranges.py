@@ -1,9 +1,11 @@
 """Range of the output of a mechanism at finite displacements: driven along one direction until a limit.
 
-The beams of `analytic.paths` find the limit and its kind. Plane finite elements with finite rotations are then driven
-to this displacement, and give the ratios of the force and of the highest stress to those of linear theory. The linear
-numbers are those of the last model, so that the mesh and the thickness enter once. The effect of the thickness on the
-ratios is that of beams with the compliance of hinges in three dimensions against beams in plane stress.
+The range ends at the first of: yield of a hinge or of a body, buckling, contact of two parts of the plate, and the
+stroke of an actuator that the motion opens. The beams of `analytic.paths` find the limit and its kind. Plane finite
+elements with finite rotations are then driven to this displacement, and give the ratios of the force and of the highest
+stress to those of linear theory. The linear numbers are those of the last model, so that the mesh and the thickness
+enter once. The effect of the thickness on the ratios is that of beams with the compliance of hinges in three dimensions
+against beams in plane stress.
 """
 
 from __future__ import annotations
@@ -14,10 +16,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.paths import BUCKLING, NO_LIMIT, YIELD, DrivenPlate, PathEnd
+from flexfem.analytic.paths import (
+    BODY_YIELD,
+    BUCKLING,
+    CONTACT,
+    NO_LIMIT,
+    STROKE,
+    YIELD,
+    DrivenPlate,
+    PathEnd,
+    drive_at_stroke,
+)
 from flexfem.arrays import Array
-from flexfem.fem.nonlinear import driven, stress_in_hinges
-from flexfem.mechanism.layout import Layout
+from flexfem.fem.body_stress import moving_bodies
+from flexfem.fem.nonlinear import driven, gap_of_parts, stress_in_parts
+from flexfem.fem.ports import PlateModel
+from flexfem.mechanism.layout import Layout, LinearActuator
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import levels
 from flexfem.questions.plates import Responses, model_of, parts_of, responses, solved, thickness_of
@@ -37,8 +51,15 @@ OF_THE_PEAK = 0.02  # of the change of the stress, where bending and tension con
 MOST_CHECKS = 2
 CLOSE = 0.06  # of a displacement: a larger step is followed by other finite elements
 OF_THE_STEP = 0.1  # of the step from the displacement of finite elements to the limit, by powers
+BEFORE_CONTACT = 0.97  # of the displacement at which parts touch: there finite elements still have a gap
+LEAST_POWER = 0.5  # of the displacement, of the stress in bodies where the force no longer grows
+LIMITS = (YIELD, BODY_YIELD, BUCKLING, CONTACT, STROKE, NO_LIMIT, UNKNOWN)
 
-RANGE_LABELS = {"others": ("held", "free"), "sense": ("positive", "negative")}
+RANGE_LABELS = {
+    "others": ("held", "free"),
+    "sense": ("positive", "negative"),
+    "limit": ("yield of a hinge", "yield of a body", "buckling", "contact", "stroke of the drive", "none", "unknown"),
+}
 RANGE = Quantity(
     "range of the output until a limit", "motion", ("others", "sense", "direction"), STRESS, only="mechanism",
     note="at finite displacements, driven along one direction from rest, the other directions held or free",
@@ -46,12 +67,17 @@ RANGE = Quantity(
 RANGE_FORCE = Quantity(
     "force at the end of the range", "wrench", ("others", "sense", "direction"), STRESS, only="mechanism"
 )
+RANGE_LIMIT = Quantity(
+    "limit at which the range ends", "", ("others", "sense", "limit", "direction"), only="mechanism",
+    note="1 for the limit that governs, 0 for the others",
+)  # fmt: skip
 
 
 class RangeEnd(NamedTuple):
     """End of a range with its bands: displacement, mm or rad, and force, N or N mm, along one sense of a direction.
 
-    hinge : number of the hinge with the highest stress.   linear : whether the numbers are those of linear theory.
+    hinge, body : numbers of the hinge and of the moving body with the highest stress.
+    linear : whether the numbers are those of linear theory.   parts : what touches or drives.
     """
 
     displacement: float
@@ -62,13 +88,24 @@ class RangeEnd(NamedTuple):
     hinge: int
     stress: Array
     linear: bool = False
+    parts: str = ""
+    body: int = 0
+
+    @property
+    def governing(self) -> Array:
+        """1 for the limit that governs, 0 for the others (limits,)."""
+        return np.array([float(kind == self.kind) for kind in LIMITS])
 
 
 class _Linear(NamedTuple):
-    """Force and highest stress (2,) per displacement of the last model, and their relative bands (2,)."""
+    """Force, highest stress of hinges and of bodies (3,) per displacement of the last model, and relative bands (3,).
+
+    body : number of the moving body with the highest stress.
+    """
 
     slopes: Array
     bands: Array
+    body: int
 
 
 class Ranges(NamedTuple):
@@ -83,12 +120,18 @@ class Ranges(NamedTuple):
 
 
 def slopes_of(response: Responses, port: int, held: Sequence[int]) -> Array:
-    """Return the force and the highest stress (2,) per displacement of a port, others of the output held or free."""
+    """Return force, highest stress of hinges and of bodies (3,) per displacement of a port, others held or free."""
+    load = _unit_displacement(response.compliance, port, held)
+    bodies = 0.0 if response.bodies is None else float(np.max(response.bodies(load).highest, initial=0.0))
+    return np.array([load[port], np.max(response.stress(load)), bodies])
+
+
+def _unit_displacement(compliance: Array, port: int, held: Sequence[int]) -> Array:
+    """Return the loads (k,) by which a port moves by one, with others held."""
     ports = [port, *held]
-    C = response.compliance
-    load = np.zeros(C.shape[0])
-    load[ports] = np.linalg.solve(C[np.ix_(ports, ports)], np.eye(len(ports))[0])
-    return np.array([load[port], np.max(response.stress(load))])
+    load = np.zeros(len(compliance))
+    load[ports] = np.linalg.solve(compliance[np.ix_(ports, ports)], np.eye(len(ports))[0])
+    return load
 
 
 def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> Ranges:
@@ -111,11 +154,12 @@ def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAns
                 ends[which, sense, axis] = ends[1, sense, axis]
                 continue
             linear = _linear(last, axis, held, layout.yield_strength)
-            beams_end = beams.end(axis, held, SENSES[sense] * layout.yield_strength / linear.slopes[1])
+            scale = SENSES[sense] * layout.yield_strength / linear.slopes[1]
+            beams_end = beams.end(axis, held, scale, linear.slopes[2] / linear.slopes[0])
             free = beams_end if which == 1 else free
             alike = [made for other, made in known if _alike(other, beams_end, axis)]
             if alike:
-                ends[which, sense, axis] = _turned(alike[0], beams_end)
+                ends[which, sense, axis] = _turned(alike[0], beams_end, linear)
                 continue
             try:
                 made = _checked(mechanism, mesh, beams_end, linear, (axis, held), plane, beams)
@@ -131,8 +175,12 @@ def described(layout: Layout, found: Ranges) -> list[str]:
     by_limit = dict[str, list[str]]()
     for (which, sense, axis), end in sorted(found.ends.items(), reverse=True):
         name = layout.joints[end.hinge].name
+        by_linear = ", by linear theory, which holds to its band" * end.linear
         limit = {
-            YIELD: f"yield of hinge {name!r}" + ", by linear theory, which holds to its band" * end.linear,
+            YIELD: f"yield of hinge {name!r}{by_linear}",
+            BODY_YIELD: f"yield of body {_body_name(layout, end.body)!r}{by_linear}",
+            CONTACT: f"contact of {end.parts}",
+            STROKE: f"stroke of actuator {end.parts}",
             BUCKLING: f"buckling, with the highest stress in hinge {name!r}, by beams",
             NO_LIMIT: "no limit was found",
             UNKNOWN: f"not known, because finite elements find no equilibrium near the limit of beams at {name!r}",
@@ -141,14 +189,10 @@ def described(layout: Layout, found: Ranges) -> list[str]:
     return [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
 
 
-def yielding_bodies(last: ModelAnswer, strength: float) -> list[str]:
-    """Warn of directions along which a body yields before the hinges by linear theory, which no range contains."""
-    if "body_rate" not in last.values:
-        return []
-    before = last.values["yield_range"] < (1 - OF_THE_PEAK) * strength / np.max(last.values["stress"], axis=0)
-    named = ", ".join(direction for direction, first in zip(DIRECTIONS, before, strict=True) if first)
-    text = f"in {named}, a body yields before the hinges by linear theory, others held: the range is that of hinges"
-    return [text] * bool(named)
+def _body_name(layout: Layout, number: int) -> str:
+    """Return the name of a moving body."""
+    moving = moving_bodies(layout)
+    return layout.bodies[moving[number]].name if moving else ""
 
 
 def _nothing_to_hold(end: PathEnd, others: Sequence[int], lever: float) -> bool:
@@ -159,13 +203,27 @@ def _nothing_to_hold(end: PathEnd, others: Sequence[int], lever: float) -> bool:
 
 def _linear(last: ModelAnswer, axis: int, held: Sequence[int], strength: float) -> _Linear:
     """Return the linear slopes of the last model."""
-    stiffness, at_yield = ("held", "yield_range") if held else ("free", "free_yield_range")
-    values, bands = last.values, last.bands
+    stiffness, at_yield, rate = ("held", "yield_range", "body_rate")
+    if not held:
+        stiffness, at_yield, rate = ("free", "free_yield_range", "free_body_rate")
+    values = last.values
     highest = np.max(values["stress"][..., axis]) if held else strength / values[at_yield][axis]
-    relative = [
-        float(bands[name][axis] / values[name][axis]) if name in bands else 0.0 for name in (stiffness, at_yield)
-    ]
-    return _Linear(np.array([values[stiffness][axis], highest]), np.abs(relative))
+    bands = [_relative(last, name, axis) for name in (stiffness, at_yield)]
+    bodies = np.zeros(0)
+    if rate in values:
+        bodies = values[rate][:, axis]
+    if not bodies.size:
+        return _Linear(np.array([values[stiffness][axis], highest, 0.0]), np.array([*bands, 0.0]), 0)
+    body = int(np.argmax(bodies))
+    slopes = np.array([values[stiffness][axis], highest, bodies[body]])
+    return _Linear(slopes, np.array([*bands, _relative(last, rate, (body, axis))]), body)
+
+
+def _relative(last: ModelAnswer, name: str, at: int | tuple[int, int]) -> float:
+    """Return a band of the last model relative to the value; zero without a band."""
+    if name not in last.bands:
+        return 0.0
+    return abs(float(last.bands[name][at] / last.values[name][at]))
 
 
 def _alike(known: tuple[PathEnd, int], end: PathEnd, axis: int) -> bool:
@@ -177,7 +235,7 @@ def _alike(known: tuple[PathEnd, int], end: PathEnd, axis: int) -> bool:
     return bool(np.all(np.abs(first - second) < ALIKE * second))
 
 
-def _turned(known: RangeEnd, end: PathEnd) -> RangeEnd:
+def _turned(known: RangeEnd, end: PathEnd, linear: _Linear) -> RangeEnd:
     """Return an end that is the image of a known one."""
     sign = np.sign(end.displacement)
     stress = end.at.stress * known.stress.max() / end.at.stress.max()
@@ -186,6 +244,8 @@ def _turned(known: RangeEnd, end: PathEnd) -> RangeEnd:
         force=float(sign * abs(known.force)),
         hinge=int(np.argmax(stress)),
         stress=stress,
+        parts=end.parts,
+        body=linear.body,
     )
 
 
@@ -204,34 +264,135 @@ def _checked(
     if end.kind == NO_LIMIT:
         return _without_numbers(NO_LIMIT, end)
     if mesh is None:
-        return RangeEnd(end.displacement, end.force, np.nan, np.nan, end.kind, hinge, stress)
+        return RangeEnd(end.displacement, end.force, np.nan, np.nan, end.kind, hinge, stress, parts=end.parts)
     if end.kind == BUCKLING:
         return _of_buckling(end, linear)
     strength = mechanism.layout.yield_strength
-    sign, expected = np.sign(end.displacement), strength / end.linear[1]
-    changes = [abs(end.displacement) / expected - 1, end.force / end.displacement / end.linear[0] - 1]
+    changes = [end.force / end.displacement / end.linear[0] - 1]
+    if end.kind == YIELD:
+        changes.append(abs(end.displacement) * end.linear[1] / strength - 1)
     change = float(np.max(np.abs(changes)))
     if change < HOLDS * linear.bands[1]:
-        x = strength / linear.slopes[1]
-        force = linear.slopes[0] * x
-        width = linear.bands[1] + change
-        return RangeEnd(
-            sign * x, sign * force, x * width, force * (width + linear.bands[0]), YIELD, hinge, stress, True
-        )
-    x = end.displacement
+        opening = _opening(mechanism, mesh, *driven_ports)
+        return _of_linear_theory(mechanism.layout, end, linear, opening, change)
+    powers = np.maximum(end.exponents, [-np.inf, LEAST_POWER])
+    x = end.displacement * (BEFORE_CONTACT if end.kind == CONTACT else 1.0)
     for _ in range(MOST_CHECKS):
-        ratios, spread, peaks = _ratios(mechanism, mesh, x, driven_ports, plane, beams)
-        force, highest = linear.slopes * ratios * abs(x)
-        step = (strength / highest) ** (1 / end.exponents[1])
+        at = _finite(mechanism, mesh, x, driven_ports, plane, beams, end)
+        steps = _steps(mechanism.layout, end, at, linear.slopes * at.ratios * abs(x), powers)
+        kind = min(steps, key=lambda limit: steps[limit])
+        step = steps[kind]
         if abs(step - 1) < CLOSE:
             break
         x = x * step
-    widths = linear.bands + spread + np.array([OF_THE_MESH, OF_THE_PEAK]) * np.minimum(1.0, np.abs(ratios - 1))
-    width = widths[1] / abs(end.exponents[1]) + OF_THE_STEP * abs(step - 1)
-    x, force = x * step, force * step ** end.exponents[0]
-    band = abs(end.exponents[0]) * width + widths[0]
-    peaks = peaks * strength / peaks.max()
-    return RangeEnd(x, sign * force, abs(x) * width, force * band, YIELD, int(np.argmax(peaks)), peaks)
+    if kind == YIELD:
+        at = at._replace(peaks=at.peaks * strength / at.peaks.max())
+    return _ended(end, linear, at, powers, (x, step, kind))
+
+
+class _Finite(NamedTuple):
+    """Finite elements at a displacement, beside linear theory.
+
+    ratios : force, highest stress of hinges and of bodies (3,) over those of linear theory.   spread : possible errors.
+    peaks, bodies : highest stress of every hinge (h,) and moving body (b,), MPa.   motions : (k,), of the ports.
+    contact : displacement at which the parts touch that do by beams, over the displacement; nan without such parts.
+    """
+
+    ratios: Array
+    spread: Array
+    peaks: Array
+    bodies: Array
+    motions: Array
+    contact: float
+
+
+def _steps(layout: Layout, end: PathEnd, at: _Finite, values: Array, powers: Array) -> dict[str, float]:
+    """Return the displacements of all limits over that of finite elements.
+
+    values : force and highest stress of hinges and of bodies (3,) there.   powers : (2,), of force and hinge stress.
+    """
+    strength = layout.yield_strength
+    steps = {YIELD: float((strength / values[1]) ** (1 / powers[1]))}
+    if values[2] > 0:
+        steps[BODY_YIELD] = float((strength / values[2]) ** (1 / max(powers[0], LEAST_POWER)))
+    if end.kind == CONTACT:
+        steps[CONTACT] = at.contact
+    opened = max(0.0, *(at.motions[port] / one.stroke for port, one in _drives(layout)), 0.0)
+    if opened > 0:
+        steps[STROKE] = 1 / opened
+    return steps
+
+
+def _drives(layout: Layout) -> list[tuple[int, LinearActuator]]:
+    """Return the ports of the actuators, and these."""
+    return list(zip(layout.drive_ports, layout.actuators, strict=True))
+
+
+def _opening(mechanism: Mechanism, mesh: Mesh, port: int, held: Sequence[int]) -> Array:
+    """Return the motions (k,) of all ports per displacement of one, by linear finite elements on the coarsest mesh."""
+    C = solved(mechanism, levels(mesh.resolution)[0]).compliance
+    return np.asarray(C @ _unit_displacement(C, port, held))
+
+
+def _of_linear_theory(layout: Layout, end: PathEnd, linear: _Linear, opening: Array, change: float) -> RangeEnd:
+    """Return an end by linear theory, which holds there but for a relative change.
+
+    opening : (k,), motions of the ports per displacement of the driven one.
+    """
+    sign = np.sign(end.displacement)
+    stress = linear.slopes[1:]
+    reached = {
+        kind: layout.yield_strength / each for kind, each in zip((YIELD, BODY_YIELD), stress, strict=True) if each
+    }
+    widths = {YIELD: linear.bands[1], BODY_YIELD: linear.bands[2]}
+    opened = max(0.0, *(sign * opening[port] / one.stroke for port, one in _drives(layout)), 0.0)
+    if opened > 0:
+        reached[STROKE] = 1 / opened
+    if end.kind == CONTACT:
+        reached[CONTACT] = abs(end.displacement)
+    kind = min(reached, key=lambda limit: reached[limit])
+    x = reached[kind]
+    force = linear.slopes[0] * x
+    width = widths.get(kind, linear.bands[0] + OF_THE_MESH) + change
+    peaks = end.at.stress
+    if kind == STROKE:
+        end = end._replace(parts=drive_at_stroke(layout, sign * x * opening))
+    return RangeEnd(
+        sign * x,
+        sign * force,
+        x * width,
+        force * (width + linear.bands[0]),
+        kind,
+        int(np.argmax(peaks)),
+        peaks * min(1.0, x / abs(end.displacement)),
+        True,
+        end.parts,
+        linear.body,
+    )
+
+
+def _ended(end: PathEnd, linear: _Linear, at: _Finite, powers: Array, reached: tuple[float, float, str]) -> RangeEnd:
+    """Return an end near finite elements.
+
+    reached : displacement of these, that of the limit over it, and the kind of the limit.
+    """
+    x, step, kind = reached
+    errors = np.array([OF_THE_MESH, OF_THE_PEAK, OF_THE_PEAK]) * np.minimum(1.0, np.abs(at.ratios - 1))
+    widths = linear.bands + at.spread + errors
+    relative = {YIELD: widths[1] / powers[1], BODY_YIELD: widths[2] / max(powers[0], LEAST_POWER)}
+    width = relative.get(kind, OF_THE_MESH + linear.bands[0]) + OF_THE_STEP * abs(step - 1)
+    force = linear.slopes[0] * at.ratios[0] * x * step ** powers[0]
+    return RangeEnd(
+        x * step,
+        force,
+        abs(x * step) * width,
+        abs(force) * (abs(powers[0]) * width + widths[0]),
+        kind,
+        int(np.argmax(at.peaks)),
+        at.peaks,
+        parts=end.parts,
+        body=int(np.argmax(at.bodies)) if at.bodies.size else 0,
+    )
 
 
 def _without_numbers(kind: str, end: PathEnd) -> RangeEnd:
@@ -257,23 +418,28 @@ def _of_buckling(end: PathEnd, linear: _Linear) -> RangeEnd:
     )
 
 
-def _ratios(
+def _finite(
     mechanism: Mechanism,
     mesh: Mesh,
     x: float,
     driven_ports: tuple[int, Sequence[int]],
     plane: DrivenPlate,
     beams: DrivenPlate,
-) -> tuple[Array, Array, Array]:
-    """Return force and highest stress over those of linear theory (2,), their possible errors, and the stress (h,)."""
+    end: PathEnd,
+) -> _Finite:
+    """Return what finite elements find at a displacement x near an end, in three dimensions by the change of beams."""
     port, held = driven_ports
     level = levels(mesh.resolution)[0]
     model = model_of(mechanism, level)
     at = driven(model, [port, *held], np.array([[x, *np.zeros(len(held))]]))
-    peaks = stress_in_hinges(model, at.fields[0])
+    peaks, bodies = stress_in_parts(model, at.fields[0])
     slopes = slopes_of(responses(mechanism, solved(mechanism, level)), port, held)
-    ratios = np.array([at.load[0, port] / x, peaks.max() / abs(x)]) / slopes
-    spread = np.zeros(2)
+    values = np.array([at.load[0, port] / x, peaks.max() / abs(x), np.max(bodies, initial=0.0) / abs(x)])
+    ratios = values / np.where(slopes, slopes, 1.0)
+    contact = np.nan
+    if end.kind == CONTACT:
+        contact = _contact(model, beams, driven_ports, (x, at.fields[0]), end)
+    spread = np.zeros(3)
     if beams is not plane:
         by_beams, found = list[Array](), list[Array]()
         for one in (plane, beams):
@@ -283,7 +449,30 @@ def _ratios(
             stress = one.stress(reached.unknowns)
             found.append(stress)
             by_beams.append(np.array([reached.forces[port] / x, stress.max() / abs(x)]) / one.slopes(port, held, x))
-        thick = by_beams[1] / by_beams[0]
+        thick = (by_beams[1] / by_beams[0])[[0, 1, 0]]  # the stress in bodies follows the force
         ratios, spread = ratios * thick, OF_THE_THICKNESS * np.abs(thick - 1)
         peaks = peaks * found[1] / found[0]
-    return ratios, spread, peaks
+    return _Finite(ratios, spread, peaks, bodies, at.pose[0], contact)
+
+
+def _contact(
+    model: PlateModel,
+    beams: DrivenPlate,
+    driven_ports: tuple[int, Sequence[int]],
+    reached: tuple[float, Array],
+    end: PathEnd,
+) -> float:
+    """Return the displacement of contact over that of finite elements; their gap closes as that of beams.
+
+    reached : displacement of finite elements, mm or rad, and their field (n, 2), mm.
+    """
+    x, field = reached
+    parts = len(model.layout.bodies) + len(model.layout.joints)
+    if end.touching is None or max(end.touching) >= parts:  # a hinge and its own body, which meet in the mesh
+        return end.displacement / x
+    at = beams.reached(*driven_ports, x)
+    gap = gap_of_parts(model, field, end.touching)
+    if at is None or gap == 0:
+        return BEFORE_CONTACT
+    closing = beams.clearance.gap(at.unknowns, end.touching).width
+    return 1 + gap / closing * (end.displacement / x - 1)

@@ -28,7 +28,7 @@ from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid
 from flexfem.questions.loads import loads_at_points
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
-from flexfem.questions.ranges import RANGE, RANGE_FORCE, RANGE_LABELS, described, ranges, yielding_bodies
+from flexfem.questions.ranges import RANGE, RANGE_FORCE, RANGE_LABELS, RANGE_LIMIT, described, ranges
 from flexfem.questions.reach import of_mechanism, reach
 from flexfem.questions.setup import DEFAULT, ELASTIC, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
@@ -61,6 +61,7 @@ class Stiffness(Result):
     )  # fmt: skip
     range = RANGE
     range_force = RANGE_FORCE
+    range_limit = RANGE_LIMIT
     range_stress = Quantity(
         "highest hinge stress at the end of the range", "mpa", ("others", "sense", "hinge", "direction"), STRESS, "all",
         only="mechanism",
@@ -106,6 +107,10 @@ class Stiffness(Result):
         ("body", "model", "direction"), STRESS, "all", only="mechanism",
         note="not within three radii of the contact of the output, of an actuator or of a loaded point",
     )  # fmt: skip
+    free_body_rate = Quantity(
+        "highest stress of bodies per displacement, other directions free", "stress per motion",
+        ("body", "model", "direction"), STRESS, "all", shown=False, only="mechanism",
+    )  # fmt: skip
     yield_x = Quantity(
         "place of the first yield, x", "mm", ("model", "direction"), NEARLY_EQUAL, shown=False, only="mechanism"
     )
@@ -150,6 +155,7 @@ class Summary(Result):
     free = Quantity("stiffness, others free", "stiffness", BY_DIRECTION, COARSER)
     range = RANGE
     range_force = RANGE_FORCE
+    range_limit = RANGE_LIMIT
     yield_range = Quantity("range at yield, linear, ±", "motion", BY_DIRECTION, STRESS)
     yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, STRESS)
     stress = Quantity("hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all")
@@ -376,11 +382,11 @@ def _ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAn
     values = {
         "range": reached.array("displacement"),
         "range_force": reached.array("force"),
+        "range_limit": np.moveaxis(reached.array("governing"), -1, 2),
         "range_stress": np.moveaxis(reached.array("stress"), -1, 2),
     }
     bands = {"range": reached.array("displacement_band"), "range_force": reached.array("force_band")}
-    warned = yielding_bodies(list(found.values())[-1], mechanism.material.yield_strength)
-    return _Part(values, bands, warnings=warned, notes=described(mechanism.layout, reached))
+    return _Part(values, bands, notes=described(mechanism.layout, reached))
 
 
 def _under_load(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer]) -> _Part:
@@ -484,13 +490,14 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
     loads = values["stiffness"] @ np.eye(3, len(C))
     stress = np.moveaxis(response.stress(loads), 0, -1)
     highest = stress.reshape(-1, 3)
+    alone = np.diag(values["free"]) @ np.eye(3, len(C))
     if stress.size:
-        alone = np.diag(values["free"]) @ np.eye(3, len(C))
         by_itself = plate.material.yield_strength / np.max(response.stress(alone).reshape(3, -1), axis=1)
         values |= {"stress": stress, "free_yield_range": by_itself}
     if response.bodies is not None:
         found = response.bodies(loads)
         values["body_rate"] = found.highest.T
+        values["free_body_rate"] = response.bodies(alone).highest.T
         hinges = [[joint.place.real, joint.place.imag] for joint in plate.layout.joints]
         highest = np.concatenate([highest, found.highest.T])
         first = np.argmax(highest, axis=0)
@@ -662,7 +669,7 @@ def summary(
     for target, source in zip(parts, found.internal, strict=True):
         names = source.keys() & {"free", "yield_range", "yield_force", "stress", "thickness"}
         target |= {name: np.moveaxis(source[name], -1, 0) for name in names}
-        target |= {name: source[name] for name in ("range", "range_force") if name in source}
+        target |= {name: source[name] for name in ("range", "range_force", "range_limit") if name in source}
         if "stiffness" in source:
             target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
         if isinstance(stage, Mechanism) and len(stage.layout.actuators) == 1 and "amplification" in source:

@@ -152,7 +152,7 @@ def test_a_range_without_an_equilibrium_near_its_limit_leaves_the_other_answers(
     def refused(*_):
         raise ComputationFailed("no equilibrium")
 
-    monkeypatch.setattr(ranges, "_ratios", refused)
+    monkeypatch.setattr(ranges, "_finite", refused)
     found = flexfem.stiffness(mechanism, models="elements", resolution=4)
     assert np.isfinite(found.free).all() and np.isnan(found.range[:, :, 0]).any()
     assert any("finite elements find no equilibrium" in note for note in found.notes)
