@@ -15,7 +15,7 @@ import numpy as np
 from flexfem.analytic.paths import DrivenPlate
 from flexfem.analytic.strokes import STIFF, Applied, Displaced, displaced_by, linear
 from flexfem.arrays import Array, Index
-from flexfem.fem.nonlinear import Equilibria, driven, equilibria, stress_in_hinges
+from flexfem.fem.nonlinear import Equilibria, driven, equilibria, stress_in_parts
 from flexfem.fem.ports import PlateModel
 from flexfem.files.tables import once
 from flexfem.mechanism.layout import Layout
@@ -141,7 +141,7 @@ def _of_elements(mechanism: Mechanism, mesh: Mesh, command: Applied, by_beams: A
         found = _engaged(model, command, driving, (motions + by_beams)[driving])
     else:
         found = equilibria(model, command.loads[None])
-    stress = stress_in_hinges(model, found.fields[-1]) if model.regions else np.zeros(0)
+    stress = stress_in_parts(model, found.fields[-1])[0] if model.regions else np.zeros(0)
     after = Displaced(found.pose[-1], found.load[-1], stress)
     if len(driving):
         after = _balanced(after, found.compliance[-1], command, driving)
