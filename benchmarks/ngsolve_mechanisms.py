@@ -169,11 +169,14 @@ class Drawn:
 class Fields:
     """A space of displacements of a drawn plate: loads on contacts, and their mean motions."""
 
-    def __init__(self, layout: Layout, drawn: Drawn, order: int) -> None:
+    def __init__(self, layout: Layout, drawn: Drawn, order: int, lifted: bool = False) -> None:
         self.mesh, self.layout, self.parts = drawn.mesh, layout, drawn.parts
+        self.lifted = lifted
         held = {"dirichlet": "ground"}
         if self.mesh.dim == 3:
             held = {"dirichletx": "ground", "dirichlety": "ground", "dirichletz": "ground|middle"}
+        if lifted:  # antisymmetric: the mid-plane moves along z alone
+            held = {"dirichletx": "ground|middle", "dirichlety": "ground|middle", "dirichletz": "ground"}
         self.space = ng.VectorH1(self.mesh, order=order, **held)
 
     def inertia(self, mass: float, moment: float) -> tuple[float, float, float]:
@@ -194,6 +197,8 @@ class Fields:
         x, y = ng.x - patch.point.real, ng.y - patch.point.imag
         still = (0,) * (self.mesh.dim - 2)
         rigid = [ng.CF((1, 0, *still)), ng.CF((0, 1, *still)), ng.CF((-y, x, *still))]
+        if self.lifted:
+            rigid = [ng.CF((0, 0, 1)), ng.CF((0, 0, y)), ng.CF((0, 0, -x))]
         M = [[ng.Integrate(a * b, self.mesh, definedon=region, order=8) for a in rigid] for b in rigid]
         return region, rigid, np.linalg.inv(np.array(M))
 
@@ -276,7 +281,24 @@ def solid_reference(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array
     E, nu = layout.youngs_modulus, layout.poissons_ratio
     _, inverse = fields.factorised(E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu))
     C = fields.compliance(inverse) / 2
-    return of_ports(layout, C) | {"frequency": first_frequency(fields, inverse)}
+    return of_ports(layout, C) | {"frequency": first_frequency(fields, inverse)} | out_of_plane(mechanism, order)
+
+
+def out_of_plane(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array]:
+    """NGSolve's numbers out of the plane by quantity of flexfem: z, tilt x and tilt y of the output."""
+    layout = mechanism.layout
+    fields = Fields(layout, Drawn(layout, min(order, CURVED), heights(layout)), order, lifted=True)
+    E, nu = layout.youngs_modulus, layout.poissons_ratio
+    _, inverse = fields.factorised(E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu))
+    units = [[(layout.points[0][1], tuple(unit))] for unit in np.eye(3)]
+    forces = [fields.force(unit) for unit in units]
+    moved = []
+    for force in forces:
+        field = ng.GridFunction(fields.space)
+        field.vec.data = inverse * force
+        moved.append(field)
+    C = np.array([[ng.InnerProduct(force, field.vec) for field in moved] for force in forces]) / 2
+    return {"lifted_held": np.diag(np.linalg.inv(C)), "lifted_free": 1 / np.diag(C)}
 
 
 def first_frequency(fields: Fields, inverse: Any) -> Array:
@@ -325,17 +347,18 @@ def ratios(mechanism: flexfem.Mechanism, order: int, solid: bool = False) -> Com
     else:
         references = reference(mechanism, order)
         others = {"pose": flexfem.drift(mechanism, models="elements")}
-    stiff = flexfem.stiffness(mechanism, models="elements")
+    stiff = flexfem.stiffness(mechanism, models="elements", out_of_plane=solid)
     found: Compared = defaultdict(list)
     for name, wanted in references.items():
         answer = others.get(name, stiff)
         wanted = np.squeeze(wanted)
-        value = np.squeeze(answer.at(name, model=label))
-        band = np.squeeze(answer.band(name, model=label))
+        of_model = {"model": label} if "model" in answer.quantities[name].over else {}
+        value = np.squeeze(answer.at(name, **of_model))
+        band = np.squeeze(answer.band(name, **of_model))
         lengths = np.array([1.0, 1.0, mechanism.layout.lever])
         if name in ("compliance", "stiffness"):
             scale = np.sqrt(np.outer(np.diag(value), np.diag(value)))
-        elif name in ("free", "frequency"):
+        elif name in ("free", "frequency", "lifted_held", "lifted_free"):
             scale = value
         else:
             scale = np.max(np.abs(value * lengths), axis=-1, keepdims=True) / lengths

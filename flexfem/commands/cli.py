@@ -76,6 +76,7 @@ MEASURED = {  # units of plain numbers of options, by direction for a vector
     **dict.fromkeys(("force", "load"), FORCES),
     **dict.fromkeys(("displacement", "pose", "amplitude", "mean"), POSES),
     "payload": (UNITS["kg"], UNITS["kg_mm2"]),
+    "force_out_of_plane": (UNITS["n"], UNITS["n_mm"], UNITS["n_mm"]),
     "tilting": (UNITS["kg_mm2"],),
     "angle": (UNITS["deg"],),
     **dict.fromkeys(("kerf", "holes"), (UNITS["mm"],)),

@@ -19,15 +19,12 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions.bands import SAFETY
 from flexfem.questions.loads import AtPoints, held_ports, required_load
-from flexfem.questions.plates import Values
+from flexfem.questions.plates import LIFTED_LAYERS, LIFTED_MESH, LIFTED_RESOLUTION, Values
 from flexfem.questions.setup import MeshFields, ModelAnswer, Models
 from flexfem.results import ANALYTIC, COARSER, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 MOST = 20  # factors
-LIFTED_RESOLUTION = 2  # of the mesh for the first factor out of the plane
-LIFTED_LAYERS = (1, 2)  # in half the thickness
-LIFTED_MESH = 4e-3  # of a factor out of the plane, by this resolution: twice that of a frequency
 AT_REST = (
     "the load factor multiplies the whole load; displacements before buckling are neglected, as by Euler: a mechanism "
     "that moves far under the load, or that bends more and more, has its limit in `large`"
@@ -58,7 +55,8 @@ def buckling(
     count: int = 3,
     models: Models = "both",
     resolution: int | None = None,
-    layers: int | None = None,
+    solid: bool = False,
+    thickness_resolution: int | None = None,
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Buckling:
@@ -89,7 +87,7 @@ def buckling(
     stated = required_load(layout, force, force_at)
     count = arguments.integer("count", count, MOST)
     held = held_ports(hold)
-    mesh = plates.mesh_of(stage, models, resolution, layers)
+    mesh = plates.mesh_of(stage, models, resolution, setup.elements_through(solid, thickness_resolution))
     shapes = list[MeshFields]()
 
     def of_beams(hinges: Array | None) -> Array:
@@ -176,4 +174,4 @@ def _out_of_plane(stage: Stage | Mechanism, load: Array, held: tuple[int, ...]) 
         factors = critical_shapes(model, lifted(change, model, load), (), 1).factors
         found.append(float(_all_of(factors, 1)[0]))
     few, many = found
-    return many, SAFETY * abs(many - few) + LIFTED_MESH * abs(many)
+    return many, SAFETY * abs(many - few) + 2 * LIFTED_MESH * abs(many)

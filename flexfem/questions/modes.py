@@ -67,8 +67,6 @@ SAME_SHAPE = 0.7  # least overlap of identical shapes: any rotation within a pai
 EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes equal, on a mesh without symmetry
 STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
 ALIKE = 0.05  # relative difference of frequencies of one mode by the network of parts and by finite elements
-LIFTED_SIZE = (2, 2)  # resolution and layers for the first frequency out of the plane
-LIFTED_MESH = 2e-3  # of a frequency out of the plane, by this resolution: 0.02 to 0.1 % to resolution 4
 RIGID_MODES = 3  # modes of the platform on its hinges; in higher ones links swing and bend
 ABOVE_THIRD = (
     "analytic frequencies above the third are not reliable: links swing and bend in these modes. On 40 random stages "
@@ -442,12 +440,8 @@ def _first_out_of_plane(mechanism: Mechanism, found: ModelAnswer, place: int | N
     """
     if place is not None:
         return float(found.values["frequency"][place]), float(found.bands["frequency"][place])
-    resolution, layers = LIFTED_SIZE
-    few, many = (
-        float(plate_modes(plates.factorised(mechanism, resolution, count, lifting=True), 1).frequencies[0])
-        for count in (layers - 1, layers)
-    )
-    return many, SAFETY * abs(many - few) + LIFTED_MESH * many
+    lifted = plates.lifted(mechanism)
+    return lifted.frequency, lifted.frequency_band
 
 
 def _shares_of_motion(frequencies: Array, motion: Array) -> Array:

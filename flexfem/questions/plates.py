@@ -29,7 +29,7 @@ from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.fem.ports import PlateModel, held_nodes, hinge_stress, plate_model
+from flexfem.fem.ports import PlateModel, held_nodes, hinge_stress, plate_model, plate_modes
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import layers_of as layers_of_plate
 from flexfem.fem.thickness import FEW_LAYERS, MANY_LAYERS, ThickHinge, thick_hinges
@@ -82,6 +82,9 @@ ORDER_OF_LAYERS = 2  # least order of convergence with the number of layers
 SLENDER_BODIES = 0.4  # share of bodies in a compliance above which the whole plate is solved in three dimensions
 WHOLE_LAYERS = 3
 WHOLE_RESOLUTION = 4
+LIFTED_RESOLUTION = 2  # triangles across every neck, for motion out of the plane
+LIFTED_LAYERS = (1, 2)  # in half the thickness
+LIFTED_MESH = 2e-3  # of a frequency out of the plane, by this resolution: 0.02 to 0.1 % to resolution 4
 ON_MESHES, PEAK = COARSER._replace(band=MAGNITUDE), STRESS._replace(band=MAGNITUDE)
 POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
 ALONG_READ = (
@@ -167,6 +170,50 @@ def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> Elastic
 def parts_in(layout: Layout, mesh: StageMesh) -> ElasticParts:
     """Return the compliance of every moving body and every hinge by finite elements of it alone, on a mesh."""
     return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
+
+
+class Lifted(NamedTuple):
+    """Response of a plate out of the plane: z of the output and its tilts about x and y.
+
+    compliance, stiffness : (3, 3), in mm, rad, N and N mm, with their bands.
+    frequency, frequency_band : the first one, rad/s.
+    """
+
+    compliance: Array
+    compliance_band: Array
+    stiffness: Array
+    stiffness_band: Array
+    frequency: float
+    frequency_band: float
+
+
+@once
+def lifted(mechanism: Mechanism) -> Lifted:
+    """Solve finite elements out of the plane, on a mesh that is coarse in the plane, with few and with more layers.
+
+    Raises ComputationFailed for too many unknowns.
+    """
+    compliances, frequencies = list[Array](), list[float]()
+    for layers in LIFTED_LAYERS:
+        model = factorised(mechanism, LIFTED_RESOLUTION, layers, lifting=True)
+        compliances.append(model.response().compliance)
+        frequencies.append(float(plate_modes(model, 1).frequencies[0]))
+    stiffness = [np.linalg.inv(C) for C in compliances]
+    few, many = frequencies
+    return Lifted(
+        compliances[-1],
+        _of_layers(*compliances),
+        stiffness[-1],
+        _of_layers(*stiffness),
+        many,
+        SAFETY * abs(many - few) + LIFTED_MESH * many,
+    )
+
+
+def _of_layers(few: Array, many: Array) -> Array:
+    """Band (3, 3) of a matrix out of the plane by its layers and its mesh, which changes it by twice a frequency."""
+    scale = np.sqrt(np.outer(np.diag(many), np.diag(many)))
+    return np.asarray(SAFETY * np.abs(many - few) + 2 * LIFTED_MESH * scale)
 
 
 class Thickened(NamedTuple):

@@ -30,7 +30,7 @@ from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
 from flexfem.questions.ranges import RANGE, RANGE_FORCE, RANGE_LABELS, RANGE_LIMIT, described, ranges
 from flexfem.questions.reach import of_mechanism, reach
-from flexfem.questions.setup import DEFAULT, ELASTIC, Analytic, Mesh, MeshFields, ModelAnswer, Models
+from flexfem.questions.setup import DEFAULT, ELASTIC, LIFTED, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, FRESH, SHEET, SOLVED, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES, without_unit
@@ -43,12 +43,21 @@ HINGE = ("chain", "hinge")
 UNIT_POSES = dict(zip(DIRECTIONS, np.eye(3), strict=True))
 
 
+LIFTED_STIFFNESS = ("n_per_mm", "n_mm_per_rad", "n_mm_per_rad")
+LIFTED_LABELS = {"out of plane": LIFTED}
+LIFTED_FREE = Quantity(
+    "stiffness out of the plane, its other directions free", LIFTED_STIFFNESS, ("out of plane",), COARSER,
+    only="mechanism",
+)  # fmt: skip
+
+
 class Stiffness(Result):
     """Stiffness, stress per displacement and range at yield of a plate at rest, and its response to one load."""
 
     title = "stage at rest"
     main = ("free", {})
-    labels: ClassVar = RANGE_LABELS
+    labels: ClassVar = RANGE_LABELS | LIFTED_LABELS
+    columns = ("direction", "out of plane")
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
     held = Quantity(
@@ -86,6 +95,18 @@ class Stiffness(Result):
     input_stiffness = Quantity(
         "stiffness at the actuator, output free", "n_per_um", ("actuator", "model"), COARSER, only="mechanism"
     )
+    lifted_held = Quantity(
+        "stiffness out of the plane, its other directions held", LIFTED_STIFFNESS, ("out of plane",), COARSER,
+        only="mechanism",
+    )  # fmt: skip
+    lifted_free = LIFTED_FREE
+    lifted_force = Quantity(
+        "load on the output out of the plane", ("n", "n_mm", "n_mm"), ("out of plane",), only="mechanism"
+    )
+    lifted_pose = Quantity(
+        "displacement by the load out of the plane", ("mm", "rad", "rad"), ("out of plane",), COARSER, "all",
+        only="mechanism",
+    )  # fmt: skip
     amplification = Quantity(
         "output motion per actuator opening, output free", ("", "", "rad_per_mm"), ("actuator", "model", "direction"),
         COARSER, "all", only="mechanism",
@@ -145,7 +166,8 @@ class Summary(Result):
 
     title = "summary"
     main = ("free", {})
-    labels: ClassVar = RANGE_LABELS
+    labels: ClassVar = RANGE_LABELS | LIFTED_LABELS
+    columns = ("direction", "out of plane")
     reading = (
         "range at yield: displacement at the first yield, in a hinge or a body, others held; force at yield: force "
         "along it; both by linear theory, without stretching of hinges and buckling",
@@ -171,6 +193,7 @@ class Summary(Result):
     first_out_of_plane = Quantity(
         "first natural frequency out of the plane, in three dimensions", "hz", gate=COARSER, only="mechanism"
     )
+    lifted_free = LIFTED_FREE
     input_stiffness = Quantity(
         "stiffness at the actuator, output free", "n_per_um", ("model",), COARSER, only="mechanism"
     )
@@ -180,7 +203,7 @@ class MechanismSummary(Summary, mechanism=True):
     """The same of a mechanism, with its input."""
 
 
-@setup.options(not_for="analytic", only_for="plane force_at")
+@setup.options(not_for="analytic", only_for="plane force_at out_of_plane force_out_of_plane")
 def stiffness(
     stage: Stage | Mechanism,
     *,
@@ -189,6 +212,8 @@ def stiffness(
     force: tuple[float, float, float] | None = None,
     displacement: tuple[float, float, float] | None = None,
     force_at: Mapping[str, Sequence[float]] | Sequence[str] | None = None,
+    out_of_plane: bool = False,
+    force_out_of_plane: tuple[float, float, float] | None = None,
     resolution: int | None = None,
     solid: bool = False,
     thickness_resolution: int | None = None,
@@ -206,6 +231,11 @@ def stiffness(
     force_at : mapping of str to tuple of float, or sequence of str, optional
         Loads at points of a mechanism by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M, repeated.
         Two opposite loads at two points are a pair between their bodies.
+    out_of_plane : bool
+        Also the stiffness of the output of a mechanism out of the plane: along z, and tilt about x and y.
+    force_out_of_plane : tuple of float, optional
+        Load on the output of a mechanism out of the plane, whose displacement is computed: force along z and moments
+        about x and y, N, N mm, N mm.
     {shared}
 
     Notes
@@ -221,6 +251,9 @@ def stiffness(
     """
     mesh = plates.mesh_of(stage, models, resolution, setup.elements_through(solid, thickness_resolution))
     load = _asked(stage.layout, force, displacement, force_at)
+    is_lifted = out_of_plane or force_out_of_plane is not None
+    if is_lifted and (models == "analytic" or stage.model != "three_dimensional"):
+        raise BadInput("out_of_plane, expected finite elements in three dimensions, without plane or models 'analytic'")
     stated = warning.of_numbers(stage)
     network = _network_of_stage(stage, analytic, models, stated) if isinstance(stage, Stage) else None
 
@@ -245,6 +278,8 @@ def stiffness(
     else:
         parts += [_soft_bodies(found), _buckling(stage, found), _body_yields(stage, mesh, found)]
         parts += [_ranges(stage, mesh, found), _under_load(stage, found)]
+        if is_lifted:
+            parts.append(_lifted(stage, force_out_of_plane))
     last = list(found.values())[-1].values
     fields = None
     if mesh is not None and "force" in last:
@@ -287,6 +322,25 @@ def _joined(parts: Sequence[_Part]) -> dict[str, Any]:
         "warnings": [text for part in parts for text in part.warnings],
         "notes": [text for part in parts for text in part.notes],
     }
+
+
+def _lifted(mechanism: Mechanism, force: Sequence[float] | None = None) -> _Part:
+    """Return the stiffness of the output out of the plane, and its displacement by a load (3,) if there is one."""
+    try:
+        found = plates.lifted(mechanism)
+    except ComputationFailed as failure:
+        return _Part(warnings=[f"no stiffness out of the plane: {failure}"])
+    free = 1 / np.diag(found.compliance)
+    values = {"lifted_held": np.diag(found.stiffness), "lifted_free": free}
+    bands = {
+        "lifted_held": np.diag(found.stiffness_band),
+        "lifted_free": free**2 * np.diag(found.compliance_band),
+    }
+    if force is not None:
+        load = arguments.forces("force_out_of_plane", force, 1)
+        values |= {"lifted_force": load, "lifted_pose": found.compliance @ load}
+        bands["lifted_pose"] = found.compliance_band @ np.abs(load)
+    return _Part(values, bands)
 
 
 class _StageNetwork(NamedTuple):
@@ -681,6 +735,10 @@ def summary(
         for target, source in zip(parts, (first.internal.values, first.internal.bands), strict=True):
             target |= {name: source[name] for name in source if name == "first_out_of_plane"}
         warnings += first.warnings
+        if "first_out_of_plane" in values:
+            lifted = _lifted(stage)
+            values |= {name: lifted.values[name] for name in lifted.values if name == "lifted_free"}
+            bands |= {name: lifted.bands[name] for name in lifted.bands if name == "lifted_free"}
         if stage.layout.actuators:
             layers = setup.elements_through(solid, thickness_resolution)
             reached = of_mechanism(stage, plates.mesh_of(stage, models, resolution, layers), models)
