@@ -56,7 +56,7 @@ class Stiffness(Result):
 
     title = "stage at rest"
     main = ("free", {})
-    labels: ClassVar = RANGE_LABELS | LIFTED_LABELS
+    labels: ClassVar = {**RANGE_LABELS, **LIFTED_LABELS}
     columns = ("direction", "out of plane")
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
@@ -166,7 +166,7 @@ class Summary(Result):
 
     title = "summary"
     main = ("free", {})
-    labels: ClassVar = RANGE_LABELS | LIFTED_LABELS
+    labels: ClassVar = {**RANGE_LABELS, **LIFTED_LABELS}
     columns = ("direction", "out of plane")
     reading = (
         "range at yield: displacement at the first yield, in a hinge or a body, others held; force at yield: force "
