@@ -44,6 +44,7 @@ HEAVY = {
     "matplotlib": ("plot",),
     "meshio": ("fem",),
     "ezdxf": ("cad", "importing"),
+    "svgelements": ("importing",),
 }  # who may import what
 
 

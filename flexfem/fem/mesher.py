@@ -37,6 +37,8 @@ CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
 DIVIDING = "dividing"  # label of lines between sectors, or halves, of parts that a symmetry takes into themselves
 SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
+PERPENDICULAR = 1e-5  # most cosine between the normals of a plate and of a face perpendicular to it
+MOST_DIRECTIONS = 30  # of plane faces that may be the sides of a plate
 POLL = 0.25  # s between two polls of a process
 LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
 MOST_KEPT = 10_000_000  # bytes of meshes; after a larger result the process ends to free its memory
@@ -138,7 +140,37 @@ class PlateSolid(NamedTuple):
     thickness: float
 
 
-Request: TypeAlias = FaceMesh | PlateMesh | PlateContours | PlateSolid
+class SolidSection(NamedTuple):
+    """A request for the section of one solid of a STEP file half way through its thickness.
+
+    part : number of the solid, 1 for the largest, or its name.
+    """
+
+    path: str
+    part: int | str
+
+
+class FoundSection(NamedTuple):
+    """A solid as a plate; mm.
+
+    contours : closed loops, as of `contours_of`.   names : of all solids of the file, the largest first.
+    chosen : index of the solid in `names`, -1 when none has the name or number; then there are no contours.
+    solid, plate : volumes, mm^3, of the solid and of the contours times the thickness.
+    other : by kind, number and total area, mm^2, of faces that are not perpendicular to the plate and not on its sides.
+    exact : whether every curve is a line or a circular arc.
+    """
+
+    contours: list[list[Segment]]
+    names: list[str]
+    chosen: int
+    thickness: float = 0.0
+    solid: float = 0.0
+    plate: float = 0.0
+    other: dict[str, tuple[int, float]] = {}  # noqa: RUF012  never changed
+    exact: bool = True
+
+
+Request: TypeAlias = FaceMesh | PlateMesh | PlateContours | PlateSolid | SolidSection
 NamedArrays: TypeAlias = dict[str, AnyArray]
 
 
@@ -422,25 +454,29 @@ def contours_of(job: PlateContours) -> list[list[Segment]]:
 
     They are counter-clockwise, around holes clockwise. Those of a connected part follow each other, the outer first.
     """
-    contours = list[list[Segment]]()
     with gmsh_session() as gmsh:
-        kernel = gmsh.model.occ
-        union = _union(kernel, job.regions)
-        kernel.synchronize()
-        for _, face in union:
-            loops = list[list[Segment]]()
-            for tags in kernel.getCurveLoops(face)[1]:
-                ends = {int(t): gmsh.model.getBoundary([(1, int(t))], combined=False, oriented=False) for t in tags}
-                at, loop = ends[int(tags[0])][0], list[Segment]()
-                while ends:
-                    tag = next(t for t, pair in ends.items() if at in pair)
-                    first, *last = ends.pop(tag)
-                    forwards = at == first
-                    loop += _arcs(gmsh.model, tag) if forwards else reverse(_arcs(gmsh.model, tag))
-                    at = last[0] if forwards and last else first
-                loops.append(loop)
-            loops.sort(key=lambda loop: -abs(area(loop)))
-            contours += [loop if (area(loop) > 0) == (k == 0) else reverse(loop) for k, loop in enumerate(loops)]
+        union = _union(gmsh.model.occ, job.regions)
+        gmsh.model.occ.synchronize()
+        return _contours(gmsh.model, union)
+
+
+def _contours(model: Any, faces: Sequence[tuple[int, int]]) -> list[list[Segment]]:
+    """Return the contours of plane faces, as `contours_of`."""
+    contours = list[list[Segment]]()
+    for _, face in faces:
+        loops = list[list[Segment]]()
+        for tags in model.occ.getCurveLoops(face)[1]:
+            ends = {int(t): model.getBoundary([(1, int(t))], combined=False, oriented=False) for t in tags}
+            at, loop = ends[int(tags[0])][0], list[Segment]()
+            while ends:
+                tag = next(t for t, pair in ends.items() if at in pair)
+                first, *last = ends.pop(tag)
+                forwards = at == first
+                loop += _arcs(model, tag) if forwards else reverse(_arcs(model, tag))
+                at = last[0] if forwards and last else first
+            loops.append(loop)
+        loops.sort(key=lambda loop: -abs(area(loop)))
+        contours += [loop if (area(loop) > 0) == (k == 0) else reverse(loop) for k, loop in enumerate(loops)]
     return contours
 
 
@@ -477,6 +513,136 @@ def _arcs(model: Any, tag: int) -> list[Segment]:
     return list(map(Segment, a.tolist(), points[4::4].tolist(), curved))
 
 
+def section_of(job: SolidSection) -> FoundSection:
+    """Cut one solid of a STEP file half way between its two sides.
+
+    The plate is perpendicular to the direction along which most of the surface is parallel or perpendicular to it, of
+    equal ones the direction of the smallest thickness. Its two sides are the plane faces across it with most area.
+    """
+    with gmsh_session() as gmsh:
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
+        kernel = gmsh.model.occ
+        solids = [tag for dim, tag in kernel.importShapes(job.path) if dim == 3]
+        kernel.synchronize()
+        solids.sort(key=lambda tag: -kernel.getMass(3, tag))
+        names = [gmsh.model.getEntityName(3, tag).rpartition("/")[2] for tag in solids]
+        chosen = _chosen(job.part, names)
+        if chosen < 0:
+            return FoundSection([], names, -1)
+        solid = (3, solids[chosen])
+        kernel.remove([(3, tag) for tag in solids if tag != solid[1]], recursive=True)
+        kernel.synchronize()
+        faces = [_SolidFace.of(gmsh.model, tag) for _, tag in gmsh.model.getBoundary([solid], oriented=False)]
+        sides = _sides(faces)
+        if sides is None:
+            return FoundSection([], names, chosen, solid=kernel.getMass(*solid), other=_counted_faces(faces))
+        _lay_flat(kernel, solid, sides)
+        volume = kernel.getMass(*solid)
+        low, high = np.reshape(kernel.getBoundingBox(*solid), (2, 3))
+        box = kernel.addRectangle(low[0] - 1, low[1] - 1, 0.0, *(high - low + 2)[:2])
+        section = kernel.intersect([(2, box)], [solid])[0]
+        kernel.synchronize()
+        contours = _contours(gmsh.model, [each for each in section if each[0] == 2])
+        curves = [tag for dim, tag in gmsh.model.getEntities(1)]
+        exact = all(gmsh.model.getType(1, tag) in ("Line", "Circle") for tag in curves)
+        thickness = sides.high - sides.low
+        other = _counted_faces([each for each in faces if not _fits(each, sides)])
+        plate = thickness * sum(map(area, contours))
+        return FoundSection(contours, names, chosen, thickness, volume, plate, other, exact)
+
+
+def _chosen(part: int | str, names: Sequence[str]) -> int:
+    """Return the index of the solid with a number or a name, -1 without one."""
+    text = str(part).strip().lower()
+    if text.isdecimal():
+        return int(text) - 1 if 1 <= int(text) <= len(names) else -1
+    return next((k for k, name in enumerate(names) if name.lower() == text), -1)
+
+
+class _SolidFace(NamedTuple):
+    """A face of a solid: its kind, area, mm^2, unit normals (n, 3) at points of it, and one point (3,), mm."""
+
+    kind: str
+    area: float
+    normals: AnyArray
+    point: AnyArray
+
+    @classmethod
+    def of(cls, model: Any, tag: int) -> _SolidFace:
+        """Return the face of a tag."""
+        low, high = model.getParametrizationBounds(2, tag)
+        shares = np.linspace(0.03, 0.97, 5)
+        parameters = np.array([(u, v) for u in shares for v in shares]) * (high - low) + low
+        normals = np.reshape(model.getNormal(tag, parameters.ravel()), (-1, 3))
+        point = np.array(model.getValue(2, tag, parameters[len(parameters) // 2]))
+        return cls(model.getType(2, tag), float(model.occ.getMass(2, tag)), normals, point)
+
+
+class _Sides(NamedTuple):
+    """Unit normal (3,) of a plate, and positions, mm, of its two sides along it."""
+
+    normal: AnyArray
+    low: float
+    high: float
+
+
+def _fits(face: _SolidFace, sides: _Sides) -> bool:
+    """Whether a face is perpendicular to a plate, or on one of its two sides."""
+    along = np.abs(face.normals @ sides.normal)
+    if np.all(along < PERPENDICULAR):
+        return True
+    at = float(face.point @ sides.normal)
+    return bool(face.kind == "Plane" and min(abs(at - sides.low), abs(at - sides.high)) < 1e-4)
+
+
+def _sides(faces: Sequence[_SolidFace]) -> _Sides | None:
+    """Return the two sides of a plate, None for a solid without two parallel plane faces."""
+    planes = sorted((face for face in faces if face.kind == "Plane"), key=lambda face: -face.area)
+    directions = list[AnyArray]()
+    for face in planes:
+        normal = face.normals[0]
+        if len(directions) < MOST_DIRECTIONS and all(abs(normal @ other) < 1 - 1e-9 for other in directions):
+            directions.append(normal)
+    whole = sum(face.area for face in faces)
+    best, best_score = None, (-1.0, 0.0)
+    for normal in directions:
+        normal = normal * math.copysign(1.0, normal[np.argmax(np.abs(normal))])
+        at = dict[float, float]()
+        for face in planes:
+            if abs(face.normals[0] @ normal) > 1 - 1e-9:
+                place = round(float(face.point @ normal), 5)
+                at[place] = at.get(place, 0.0) + face.area
+        if len(at) < 2:
+            continue
+        one, other = sorted(at, key=lambda place: -at[place])[:2]
+        sides = _Sides(normal, min(one, other), max(one, other))
+        share = sum(face.area for face in faces if _fits(face, sides)) / whole
+        score = (round(share, 6), sides.low - sides.high)
+        if score > best_score:
+            best, best_score = sides, score
+    return best
+
+
+def _lay_flat(kernel: Any, solid: tuple[int, int], sides: _Sides) -> None:
+    """Turn a plate so that its normal points along z, by the smallest angle, and move its middle to z = 0."""
+    axis = np.cross(sides.normal, (0.0, 0.0, 1.0))
+    sine, cosine = float(np.linalg.norm(axis)), float(sides.normal[2])
+    if sine > 1e-12:
+        kernel.rotate([solid], 0, 0, 0, *(axis / sine), math.atan2(sine, cosine))
+    kernel.translate([solid], 0, 0, -(sides.low + sides.high) / 2)
+    kernel.synchronize()
+
+
+def _counted_faces(faces: Sequence[_SolidFace]) -> dict[str, tuple[int, float]]:
+    """Return number and total area of faces by kind."""
+    counted = dict[str, tuple[int, float]]()
+    for face in faces:
+        number, size = counted.get(face.kind, (0, 0.0))
+        counted[face.kind] = (number + 1, size + face.area)
+    return counted
+
+
 def main() -> None:
     """Serve lists of requests until standard input ends or a request fails."""
     serve: dict[type, Any] = {
@@ -484,6 +650,7 @@ def main() -> None:
         PlateMesh: mesh_plate,
         PlateContours: contours_of,
         PlateSolid: write_plate,
+        SolidSection: section_of,
     }
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # keeps the output of libraries out of the results

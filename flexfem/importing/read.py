@@ -18,12 +18,15 @@ from flexfem.importing.found import Drawing
 from flexfem.importing.marks import Sorted, marks_of, sorted_curves
 from flexfem.importing.regions import DrawnPlate, OpenChain
 from flexfem.importing.smooth import SmoothLoop, smoothed
+from flexfem.importing.step import read_step
+from flexfem.importing.svg import read_svg
 from flexfem.importing.units import DrawingUnit
 from flexfem.mechanism.drawing import Part, cut_path
 from flexfem.mechanism.outlines import Segment, circle_of, reverse
 from flexfem.refused import BadInput
 
-FORMATS = (".dxf", ".step", ".stp", ".svg")
+SOLIDS = (".step", ".stp")
+FORMATS = (".dxf", *SOLIDS, ".svg")
 TOLERANCE = 0.01  # mm; gaps up to this are closed
 LARGEST_TOLERANCE = 1.0  # mm
 LARGEST_KERF = 10.0  # mm
@@ -77,7 +80,8 @@ def read_drawing(
         thickness = arguments.positive("thickness", thickness, LARGEST_THICKNESS)
     try:
         contents = _contents(file, unit, part)
-        return _drawing(file, contents, _Wanted(unit, part, kerf, tolerance, thickness))
+        plate = None if file.suffix.lower() in SOLIDS else part  # that of a solid is taken already
+        return _drawing(file, contents, _Wanted(unit, plate, kerf, tolerance, thickness))
     except BadInput as error:
         raise BadInput(error.reason, place) from None
     except RecursionError:
@@ -112,7 +116,9 @@ def _contents(file: Path, unit: DrawingUnit | None, part: int | str | None) -> C
         raise BadInput("an empty file, expected a drawing")
     if suffix == ".dxf":
         return read_dxf(data, file, unit)
-    raise BadInput(f"{suffix} is not read yet, expected .dxf")
+    if suffix == ".svg":
+        return read_svg(data, unit)
+    return read_step(data, file, unit, part)
 
 
 def _drawing(file: Path, contents: Contents, wanted: _Wanted) -> Drawing:
