@@ -58,7 +58,8 @@ class FoundHinge(NamedTuple):
     bodies : indices of its first and second body.   place : its centre.   heading : rad, from the first to the second.
     shape : as in a mechanism file.
     dimensions : mm (angles in degrees) by the key of a mechanism file without its unit, such as `neck`.
-    table : rows of a profile, mm, empty for other shapes.
+    table : rows of a profile, mm, empty for other shapes.   smooth : whether a smooth curve joins them.
+    side : "left" or "right" of a hinge with a notch on this side only.
     deviation : mm, largest distance of the edge from the drawn one.
     """
 
@@ -69,6 +70,8 @@ class FoundHinge(NamedTuple):
     dimensions: dict[str, float]
     table: tuple[tuple[float, ...], ...]
     deviation: float
+    smooth: bool = False
+    side: str | None = None
 
 
 class FoundPlate(NamedTuple):

@@ -1,0 +1,365 @@
+"""Shapes of hinges fitted to the edges of a plate on both sides of a neck: the simplest one that reproduces them."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import AnyArray, Array
+from flexfem.importing.necks import Neck
+from flexfem.importing.strips import (
+    CLOSE,
+    CORNER,
+    Axis,
+    Strip,
+    clipped,
+    height_at,
+    strip_of,
+    turns_in,
+    vertices,
+    ways_of,
+    without_flanks,
+)
+from flexfem.mechanism.outlines import Segment
+from flexfem.mechanism.profiles import BadDimension, Bezier, Curve, Ellipse, Profile, Tabulated, mapped, profile_of
+
+ALLOWED = 1e-3  # mm, largest distance of the edge of a shape from the drawn one
+TABLE = 4e-4  # mm, the same of a table between its rows
+EXACT = 1e-6  # mm; smaller differences of dimensions are round-off of coordinates
+PER_CURVE = 9  # points of a drawn segment that are compared
+FINE = 400  # points of an ellipse or parabola in their place
+MOST_ROWS = 2000
+ROUNDS = 14  # in which rows are added to a table
+SHORT_LEAF = 12.0  # length per neck up to which a leaf with fillets is a filleted hinge
+LONG_LEAF = 10.0  # length per neck of a leaf, from which flanks beyond it are sides of bodies
+HIGH_FLANK = 15.0  # height of the end of a profile per neck, from which its flanks are sides of bodies
+NEARLY_UPRIGHT = math.radians(80.0)  # slope at which a table ends
+LEVEL = 1e-4  # slope up to which an edge is parallel to the axis
+
+
+class Fit(NamedTuple):
+    """A profile in its frame, whose place is its centre, and its largest distance from the drawn edge, mm.
+
+    dimensions : by the key of a mechanism file without its unit; angles in degrees.
+    """
+
+    profile: Profile
+    shape: str
+    dimensions: dict[str, float]
+    frame: Axis
+    deviation: float
+    side: str | None = None
+
+
+def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck) -> Iterator[Fit]:
+    """Yield the fits of a hinge at a neck, the simplest shape first, each in the frame in which it fits best."""
+    whole, short = _strips(loops, neck)
+    yield from _best_shapes(whole)
+    evens = [strip for strip in whole if _is_even(strip)]
+    flanked = [*filter(None, map(_table, evens))]
+    leaves = [*_best_shapes(short)]
+    yield from (fit for fit in leaves if _is_long(fit) or not any(map(_has_low_end, flanked)))
+    yield from (fit for fit in flanked if _has_low_end(fit))
+    yield from leaves
+    yield from filter(None, map(_table, [*short, *whole]))
+
+
+def _has_low_end(fit: Fit) -> bool:
+    return fit.profile.end_height < HIGH_FLANK * fit.profile.neck
+
+
+def _is_long(fit: Fit) -> bool:
+    return fit.profile.length > LONG_LEAF * fit.profile.neck
+
+
+def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip], list[Strip]]:
+    """Return the edges at a neck in all frames that they suggest: whole, and without flanks."""
+    rough = _rough(loops, neck)
+    whole, short = list[Strip](), list[Strip]()
+    for frame in (*_suggested(loops, neck, rough), rough):
+        ways = ways_of(loops, neck, frame)
+        strip = strip_of(ways, frame) or strip_of(ways := ways_of(loops, neck, frame, math.pi), frame)
+        if strip is None:
+            continue
+        whole.append(strip)
+        cut = strip_of(without_flanks(ways), frame)
+        if cut is not None and cut.length < strip.length - CLOSE:
+            short.append(cut)
+    return whole, short
+
+
+def _rough(loops: Sequence[Sequence[Segment]], neck: Neck) -> Axis:
+    """Return the frame in the middle of a chord along the mean direction of both edges there."""
+    right, left = ((loops[place.loop][place.segment], place.share) for place in (neck.right, neck.left))
+    start, end = complex(right[0].at(right[1])), complex(left[0].at(left[1]))
+    across = (end - start) / abs(end - start)
+    ahead = complex(right[0].tangent(right[1])) - complex(left[0].tangent(left[1]))
+    if (ahead * (-1j * across).conjugate()).real < 0.5:
+        ahead = -1j * across
+    return Axis((start + end) / 2, cmath.phase(ahead))
+
+
+def _suggested(loops: Sequence[Sequence[Segment]], neck: Neck, rough: Axis) -> Iterator[Axis]:
+    """Yield frames by parallel lines, by the centres of two arcs, by one line, and by the ends of both edges."""
+    strip = strip_of(ways_of(loops, neck, rough), rough)
+    if strip is None:
+        return
+    lines = [_flattest_line(edge) for edge in (strip.left, strip.right)]
+    for line, sign in zip(lines, (1, -1), strict=True):
+        if line is not None:
+            along = line.end - line.start
+            yield Axis(rough.place, rough.heading + sign * cmath.phase(along))
+    for left in _lowest_arcs(strip.left):
+        for right in _lowest_arcs(strip.right):
+            assert left.centre is not None and right.centre is not None
+            across = left.centre - right.centre.conjugate()
+            yield Axis(rough.place, rough.heading + cmath.phase(-1j * across))
+    ends = [vertices(edge) for edge in (strip.left, strip.right)]
+    first, last = ((ends[0][k] + ends[1][k].conjugate()) / 2 for k in (0, -1))
+    yield Axis(rough.place, rough.heading + cmath.phase(last - first))
+
+
+def _flattest_line(edge: Sequence[Segment]) -> Segment | None:
+    """Return the longest line of an edge that is nearly along the axis."""
+    lines = [one for one in edge if one.centre is None and abs(cmath.phase(one.end - one.start)) < 0.2]
+    return max(lines, key=lambda one: one.length, default=None)
+
+
+def _lowest_arcs(edge: Sequence[Segment]) -> list[Segment]:
+    """Return the arcs of an edge at its lowest point."""
+    lowest = min(complex(one.at(share)).imag for one in edge for share in (0.0, 0.5, 1.0))
+    arcs = [one for one in edge if one.centre is not None and one.turn > 0]
+    return [one for one in arcs if min(one.start.imag, one.end.imag) < lowest + CLOSE][:2] or arcs[:1]
+
+
+def _best_shapes(strips: Sequence[Strip]) -> Iterator[Fit]:
+    """Yield the fits of closed shapes to a strip in several frames, each shape in the best of them."""
+    found = dict[tuple[int, str | None], Fit]()
+    for strip in strips:
+        for order, fit in _shapes(strip):
+            key = (order, fit.side)
+            if fit.deviation <= ALLOWED and (key not in found or fit.deviation < found[key].deviation):
+                found[key] = fit
+    for key in sorted(found, key=lambda key: key[0]):
+        yield found[key]
+
+
+class _Notch(NamedTuple):
+    """What the dimensions of all shapes follow from; mm, rad.
+
+    centre : of the hinge, in the frame of the strip.   side : of a hinge with one notch.
+    root : radius of the arc at the neck, 0 without one.   flank : slope of a straight edge at the ends.
+    """
+
+    centre: complex
+    length: float
+    neck: float
+    depth: float
+    root: float
+    flank: float
+    side: str | None
+
+
+def _shapes(strip: Strip) -> Iterator[tuple[int, Fit]]:
+    """Yield the closed shapes with the dimensions of a strip, in the order of their simplicity."""
+    for notch in _notches(strip):
+        for order, (shape, dimensions) in enumerate(_candidates(notch)):
+            with suppress(BadDimension):
+                yield order, _fit(strip, notch, shape, dimensions)
+
+
+def _fit(strip: Strip, notch: _Notch, shape: str, dimensions: dict[str, float]) -> Fit:
+    inside = {key: math.radians(value) if key == "angle" else value for key, value in dimensions.items()}
+    profile = profile_of(shape, inside | ({"side": notch.side} if notch.side else {}))
+    frame = Axis(strip.frame.out(notch.centre), strip.frame.heading)
+    return Fit(profile, shape, dimensions, frame, _deviation(strip, profile, notch.centre), notch.side)
+
+
+def _candidates(notch: _Notch) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield shapes with the dimensions of a notch, by the keys of a mechanism file."""
+    length, neck, depth = notch.length, notch.neck, notch.depth
+    if depth < EXACT:
+        yield "leaf", {"length": length, "neck": neck}
+        return
+    is_short = length < SHORT_LEAF * neck
+    yield "filleted" if is_short else "leaf", {"length": length, "neck": neck, "fillet": depth}
+    yield "circular", {"radius": length / 2, "neck": neck}
+    if notch.root and notch.flank:
+        angle = 180.0 - 2 * math.degrees(notch.flank)
+        yield "v", {"angle": angle, "root_radius": notch.root, "depth": depth, "neck": neck}
+    yield "elliptical", {"length": length, "depth": depth, "neck": neck}
+    yield "parabolic", {"length": length, "depth": depth, "neck": neck}
+
+
+def _notches(strip: Strip) -> Iterator[_Notch]:
+    """Yield the notch of an even strip, or that of a strip with one straight edge."""
+    ends = [(edge[0].start, edge[-1].end) for edge in (strip.left, strip.right)]
+    rises = np.array([[z.imag for z in pair] for pair in ends])
+    low, high = (np.array([pair[k].real for pair in ends]) for k in (0, 1))
+    if np.ptp(low) > CLOSE or np.ptp(high) > CLOSE:
+        return
+    middle = float(low.mean() + high.mean()) / 2
+    lowest = np.array([height_at(edge, np.array([middle]))[0] for edge in (strip.left, strip.right)])
+    neck, length = float(lowest.sum()), float(high.mean() - low.mean())
+    depths = rises - lowest[:, None]
+    if neck <= 0 or np.ptp(depths, axis=1).max() > 2 * ALLOWED:
+        return
+    if abs(depths[0].mean() - depths[1].mean()) < 2 * ALLOWED:
+        root, flank = _root(strip.left, middle), _flank(strip.left)
+        aside = float(rises[0].mean() - rises[1].mean()) / 2
+        yield _Notch(complex(middle, aside), length, neck, max(float(depths.mean()), 0.0), root, flank, None)
+    for side, notched, other in (("left", 0, 1), ("right", 1, 0)):
+        edge = (strip.left, strip.right)[notched]
+        if abs(depths[other]).max() < ALLOWED and depths[notched].min() > ALLOWED:
+            aside = float(lowest[0] - lowest[1]) / 2
+            found = (length, neck, float(depths[notched].mean()), _root(edge, middle), _flank(edge))
+            yield _Notch(complex(middle, aside), *found, side)
+
+
+def _root(edge: Sequence[Segment], middle: float) -> float:
+    """Return the radius of the arc of an edge at the middle, 0 without one."""
+    for segment in edge:
+        if segment.centre is not None and segment.start.real - CLOSE <= middle <= segment.end.real + CLOSE:
+            return abs(segment.start - segment.centre)
+    return 0.0
+
+
+def _flank(edge: Sequence[Segment]) -> float:
+    """Return the slope of a line at the last end of an edge, rad, 0 of an arc."""
+    return 0.0 if edge[-1].centre is not None else cmath.phase(edge[-1].end - edge[-1].start)
+
+
+def _drawn(edge: Sequence[Segment], count: int = PER_CURVE) -> AnyArray:
+    """Return points (n,) of an edge, several of each segment."""
+    return np.concatenate([segment.at(np.linspace(0, 1, count)) for segment in edge])
+
+
+def edges_of(profile: Profile) -> tuple[list[Curve], list[Curve]]:
+    """Return the left edge of a profile and its right one, mirrored."""
+    left, right = profile.edges()
+    return left, [mapped(curve, lambda z: z.conjugate()) for curve in right]
+
+
+def corners_of(profile: Profile) -> tuple[complex, complex, complex, complex]:
+    """Return the corners of a profile: right at the first and the second end, left at the second and the first."""
+    half = profile.length / 2
+    (near_left, far_left), (near_right, far_right) = edge_positions(profile, np.array([-half, half])).tolist()
+    return (
+        complex(-half, -near_right),
+        complex(half, -far_right),
+        complex(half, far_left),
+        complex(-half, near_left),
+    )
+
+
+def _deviation(strip: Strip, profile: Profile, centre: complex) -> float:
+    """Return the largest distance, mm, of points of the drawn edges from those of a profile about a centre."""
+    drawn = (_drawn(strip.left) - centre, _drawn(strip.right) - centre.conjugate())
+    return max(float(np.max(distances(*each))) for each in zip(drawn, edges_of(profile), strict=True))
+
+
+def distances(points: AnyArray, curves: Sequence[Curve]) -> Array:
+    """Return the distances (n,), mm, of points (n,) from the nearest of several curves."""
+    found = np.full(len(points), np.inf)
+    for curve in curves:
+        if isinstance(curve, Segment):
+            nearest = curve.at(np.clip(curve.shares(points), 0.0, 1.0))
+            found = np.minimum(found, np.abs(points - nearest))
+        else:
+            z = _points_of(curve)
+            step = np.diff(z)
+            share = np.clip(((points[:, None] - z[:-1]) / step).real, 0.0, 1.0)
+            found = np.minimum(found, np.abs(points[:, None] - z[:-1] - share * step).min(axis=1))
+    return found
+
+
+def _points_of(curve: Bezier | Ellipse) -> AnyArray:
+    """Return points (FINE,) of a Bezier curve, or of a quarter of an ellipse."""
+    t = np.linspace(0, 1, FINE)
+    if isinstance(curve, Ellipse):
+        start, end = curve.start - curve.centre, curve.end - curve.centre
+        return np.asarray(curve.centre + start * np.cos(t * np.pi / 2) + end * np.sin(t * np.pi / 2))
+    n = len(curve.points) - 1
+    weights = [math.comb(n, k) * t**k * (1 - t) ** (n - k) for k in range(n + 1)]
+    return np.asarray(sum(weight * point for weight, point in zip(weights, curve.points, strict=True)))
+
+
+def _is_even(strip: Strip) -> bool:
+    """Return whether a strip ends at four corners of one rectangle about its axis."""
+    corners = np.array([(edge[0].start, edge[-1].end) for edge in (strip.left, strip.right)])
+    return float(np.ptp(corners.real, axis=0).max()) < CLOSE and float(np.ptp(corners.imag)) < CLOSE
+
+
+def _table(strip: Strip) -> Fit | None:
+    """Return the profile with rows of the drawn edges of a strip, None where there is none."""
+    low, high = _gentle(strip)
+    left, right = strip.left, strip.right
+    middle = (low + high) / 2
+    is_curved = any(segment.centre is not None for edge in (left, right) for segment in edge)
+    corners = np.array([z.real for edge in (left, right) for z in vertices(edge)])
+    x = np.unique(np.round([low, high, *corners[(corners > low + CLOSE) & (corners < high - CLOSE)]], 9))
+    x = x[np.append(True, np.diff(x) > CLOSE / 2)]
+    if len(x) < 3:
+        x = np.linspace(low, high, 3)
+    is_smooth = is_curved and max(map(abs, turns_in(left) + turns_in(right)), default=0.0) < CORNER
+    with suppress(BadDimension):
+        if is_curved:
+            x = _refined(strip, x, is_smooth)
+        profile = _tabulated(strip, x, is_smooth)
+        ended = strip._replace(left=clipped(left, low, high), right=clipped(right, low, high))
+        frame = Axis(strip.frame.out(complex(middle)), strip.frame.heading)
+        return Fit(profile, "profile", {}, frame, _deviation(ended, profile, complex(middle)))
+    return None
+
+
+def _tabulated(strip: Strip, x: Array, is_smooth: bool) -> Tabulated:
+    """Return the profile with rows at positions (n,), of two columns where both edges are alike."""
+    left, right = height_at(strip.left, x), height_at(strip.right, x)
+    if np.max(np.abs(left - right)) < ALLOWED / 2:
+        rows = zip(x.tolist(), (left + right).tolist(), strict=True)
+        return Tabulated(tuple(rows), smooth=is_smooth)
+    return Tabulated(tuple(zip(x.tolist(), left.tolist(), right.tolist(), strict=True)), smooth=is_smooth)
+
+
+def _refined(strip: Strip, x: Array, is_smooth: bool) -> Array:
+    """Return positions with so many between them that a table follows the drawn edges."""
+    for _ in range(ROUNDS):
+        profile = _tabulated(strip, x, is_smooth)
+        shares = np.array([0.25, 0.5, 0.75])[:, None]
+        between = x[:-1] + shares * np.diff(x)
+        drawn = np.stack([height_at(edge, between.ravel()) for edge in (strip.left, strip.right)])
+        local = between.ravel() - (x[0] + x[-1]) / 2
+        slope = np.gradient(drawn, axis=1) / np.gradient(between.ravel())
+        off = np.abs(drawn - edge_positions(profile, local)) / np.hypot(1, slope)
+        worst = off.max(axis=0).reshape(between.shape).max(axis=0)
+        coarse = (worst > TABLE) & (np.diff(x) > 2 * CLOSE)
+        if not coarse.any() or len(x) > MOST_ROWS:
+            break
+        x = np.sort(np.append(x, between[1][coarse]))
+    return x
+
+
+def edge_positions(profile: Profile, x: Array) -> Array:
+    """Return the distances (2, n) of the left and the right edge from the axis at positions (n,), mm."""
+    half, middle = profile.height(x) / 2, profile.middle(x)
+    return np.stack([half + middle, half - middle])
+
+
+def _gentle(strip: Strip) -> tuple[float, float]:
+    """Return the positions between which both edges are not nearly upright."""
+    low, high = strip.low, strip.high
+    for edge in (strip.left, strip.right):
+        for segment in edge:
+            if segment.centre is None or segment.turn == 0:
+                continue
+            start = cmath.phase(complex(segment.tangent(0.0)))
+            if start < -NEARLY_UPRIGHT:
+                low = max(low, complex(segment.at((-NEARLY_UPRIGHT - start) / segment.turn)).real)
+            if start + segment.turn > NEARLY_UPRIGHT:
+                high = min(high, complex(segment.at((NEARLY_UPRIGHT - start) / segment.turn)).real)
+    return low, high
