@@ -91,6 +91,7 @@ class Quantity:
     only : the plates that have it, by default both; the others have no such key.
     uneven : the gate of a mechanism, by default that of the coarser meshes, without symmetry, of the same number.
     repeated : whether another quantity of the result has the same numbers; `regression` does not compare them again.
+    compared : whether tables state the difference of the first model from the last.
     """
 
     meaning: str
@@ -104,6 +105,7 @@ class Quantity:
     only: Literal["", "stage", "mechanism"] = ""
     uneven: Gate | None = None
     repeated: bool = False
+    compared: bool = True
     name: str = field(default="", init=False)
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -603,7 +605,7 @@ class Result:
         """
         values = self.internal.values[quantity.name]
         sizes, last = self._sizes(quantity.name), self._shown(quantity, over, place)
-        if "model" not in quantity.over:
+        if "model" not in quantity.over or not quantity.compared:
             return [""] * len(last)
         found, bands = [], np.nan_to_num(self.internal.bands.get(quantity.name, np.zeros_like(values)))
         for a, b in zip(self._shown(quantity, over, (*place[:-1], 0)), last, strict=True):

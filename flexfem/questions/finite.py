@@ -66,6 +66,15 @@ def by_loads(layout: Layout, loads: Array) -> Applied:
     return Applied(on_ports, np.zeros(count), np.zeros(count))
 
 
+def by_pose(layout: Layout, pose: Array) -> Applied:
+    """Return the command that holds the output at a pose (3,), mm, mm and rad."""
+    count = len(layout.ports)
+    at_ports, springs = np.zeros(count), np.zeros(count)
+    at_ports[:3] = pose
+    springs[:3] = np.inf
+    return Applied(np.zeros(count), at_ports, springs)
+
+
 def change(mechanism: Mechanism, mesh: Mesh | None, command: Applied) -> Change:
     """Return the change of linear theory at a command, without a mesh that by beams alone.
 
@@ -210,12 +219,16 @@ class Changes(NamedTuple):
             return [f"{where}, linear theory holds: by beams, finite displacement changes {self.largest}"]
         return [f"{where}, finite elements with finite rotations change {self.largest} from linear theory"]
 
-    def warnings(self, where: str, mesh: Mesh | None) -> list[str]:
-        """Warn of numbers by linear theory that do not hold."""
+    def warnings(self, where: str, mesh: Mesh | None, motion: float = 0.0, stress: float = 0.0) -> list[str]:
+        """Warn of numbers by linear theory that do not hold.
+
+        mesh : None if the numbers are those of linear theory.   motion, stress : relative bands that they have.
+        """
         if self.failure:
             return [f"{where}, the numbers are those of linear theory, and may be far off: {self.failure}"]
-        largest = max((max(one.motion, abs(one.stress)) for one in self.each), default=0.0)
-        if mesh is None and largest > WORTH_A_WARNING:
+        moved = max((one.motion for one in self.each), default=0.0) > (motion or WORTH_A_WARNING)
+        stressed = max((abs(one.stress) for one in self.each), default=0.0) > (stress or WORTH_A_WARNING)
+        if mesh is None and (moved or stressed):
             return [
                 f"{where}, the numbers are those of linear theory: by beams, finite displacement changes {self.largest}"
             ]

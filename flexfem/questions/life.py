@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from flexfem import arguments
 from flexfem.analytic.model import CALIBRATED, AnalyticResult, analyse
+from flexfem.analytic.strokes import Displaced
 from flexfem.arrays import Array, Index, is_largest
 from flexfem.fem.elements import von_mises
 from flexfem.fem.fields import notch_fields
@@ -28,12 +29,12 @@ from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, Material, unlikely
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates, setup
+from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, for_mechanisms
 from flexfem.refused import BadInput
-from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import ANALYTIC, ELEMENTS, SOLID, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import COMMANDS, short
 
 LARGEST_FACTOR = 1e9  # largest multiple of the amplitude in the search for a life
@@ -184,7 +185,10 @@ class Life(Result):
 class MechanismLife(Life, mechanism=True):
     """Cycles to failure of the hinges of a mechanism, and the amplitude for a wanted life."""
 
-    reading = ("the highest stress of a hinge in the mean pose counts as tension, which is conservative",)
+    reading = (
+        "the highest stress of a hinge in the mean pose counts as tension, which is conservative",
+        "analytic, elastic bodies: linear theory; other models: at finite displacement",
+    )
 
 
 class Fatigue(NamedTuple):
@@ -234,11 +238,24 @@ class Fatigue(NamedTuple):
         ends = np.maximum(1 + np.array([high, low]), 0.0) * np.max(values["equivalent"])
         return dict(zip(("fewest", "most"), self.law.cycles(ends), strict=True))
 
-    def of_ports(self, response: plates.Responses) -> dict[str, Any]:
-        """Return the values of one model of a mechanism."""
+    @property
+    def ends(self) -> Array:
+        """The poses (2, 3) between which the platform moves."""
+        return self.motion.mean + np.array([[1.0], [-1.0]]) * self.motion.amplitude
+
+    def of_ports(self, response: plates.Responses, changes: Sequence[Displaced] | None = None) -> dict[str, Any]:
+        """Return the values of one model of a mechanism: linear theory, and changes at both ends of the motion.
+
+        Stress that a finite displacement adds is that of stretched hinges, which has the same sign at both ends: it
+        counts as mean stress. Stress that it takes away is taken from the amplitude.
+        """
         poses = np.array([self.motion.amplitude, self.motion.mean])
         forces = poses @ np.linalg.inv(response.compliance[:3, :3])
         varying, constant = response.stress(forces @ np.eye(3, len(response.compliance)))
+        if changes is not None:
+            change = np.max([one.stress for one in changes], axis=0)
+            constant = constant + np.maximum(change, 0.0)
+            varying = np.maximum(varying + np.minimum(change, 0.0), 0.0)
         return self.values(StressCycles(np.arange(len(varying)), varying, constant, np.ones(len(varying))), -1)
 
     def warnings(self, models: Mapping[str, ModelAnswer]) -> list[str]:
@@ -330,9 +347,12 @@ def life(
     motion = cyclic_motion(pose, about, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
     asked = Fatigue(motion, *_law(stage, fit, law), stage.material)
     found, warnings, settings = dict[str, ModelAnswer](), list[str](), dict[str, Any](asked.settings)
+    notes = [*asked.notes, LEFT_OUT]
     if isinstance(stage, Mechanism):
-        found = plates.of_models(stage, mesh, models, asked.of_ports, progress, _hinge_bands)
-        warnings = asked.warnings(found)
+        changes = finite.changes(stage, mesh, [finite.by_pose(stage.layout, end) for end in asked.ends])
+        found = _of_mechanism(stage, asked, mesh, models, changes, progress)
+        warnings = [*asked.warnings(found), *_beyond_linear(changes, mesh)]
+        notes += changes.notes("at the ends of the motion", mesh)
     else:
         assumed = (key for key in stage.assumed if key.startswith("material."))
         warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in assumed)]
@@ -357,9 +377,46 @@ def life(
         warnings += [*asked.warnings(found), *warning.of_motion(stage, farthest, "farthest pose")]
         warnings += preload_warnings(stage)
     kind: type[Life] = MechanismLife if isinstance(stage, Mechanism) else Life
-    result = setup.answer(kind, stage, found, mesh, settings, warnings=warnings, notes=[*asked.notes, LEFT_OUT])
+    result = setup.answer(kind, stage, found, mesh, settings, warnings=warnings, notes=notes)
     result.law, result.yield_strength = asked.law, asked.material.yield_strength
     return result
+
+
+def _of_mechanism(
+    mechanism: Mechanism,
+    asked: Fatigue,
+    mesh: setup.Mesh | None,
+    models: Models,
+    changes: finite.Changes,
+    progress: Progress | None,
+) -> dict[str, ModelAnswer]:
+    """Return the values of all models, those of finite elements at finite displacement, with bands."""
+
+    def of_network(elastic: bool) -> plates.Values:
+        return asked.of_ports(plates.network(mechanism, elastic))
+
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> plates.Values:
+        label = SOLID if layers or thick is not None else ELEMENTS
+        return asked.of_ports(plates.elements(mechanism, resolution, layers, thick), changes.of(label))
+
+    found = plates.by_models(mechanism, mesh, models, of_network, of_size, progress, _hinge_bands)
+    for label, (values, bands) in found.items():
+        if "equivalent" not in bands:
+            continue
+        error = np.nan if changes.failure else np.max([one.stress for one in changes.errors()], axis=0)
+        found[label] = ModelAnswer(values, {**bands, "equivalent": bands["equivalent"] + error})
+    return found
+
+
+def _beyond_linear(changes: finite.Changes, mesh: setup.Mesh | None) -> list[str]:
+    """Warn of numbers by linear theory, and of the amplitude for the wanted life, which is in proportion."""
+    texts = changes.warnings("at the ends of the motion", mesh)
+    if any(abs(one.stress) > finite.WORTH_A_WARNING for one in changes.each):
+        texts.append(
+            "the stress is not proportional to the amplitude, from which the amplitude for the wanted life is scaled: "
+            "ask again with the latter as --amplitude"
+        )
+    return texts
 
 
 def checked_amplitude(amplitude: ArrayLike) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import compress
 from typing import Any, ClassVar, NamedTuple
@@ -22,7 +23,7 @@ from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates, setup
+from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid_bands, stress_bands
 from flexfem.questions.loads import loads_at_points
@@ -159,6 +160,7 @@ class MechanismStiffness(Stiffness, mechanism=True):
 
     title = "mechanism at rest"
     figure, drawn_from_fields = "plate.load_figure", True
+    held = replace(Stiffness.held, compared=False)  # the error of the analytic models is that with the others free
 
 
 class Summary(Result):
@@ -201,6 +203,8 @@ class Summary(Result):
 
 class MechanismSummary(Summary, mechanism=True):
     """The same of a mechanism, with its input."""
+
+    stiffness = replace(Summary.stiffness, compared=False)
 
 
 @setup.options(not_for="analytic", only_for="plane force_at out_of_plane force_out_of_plane")
@@ -277,7 +281,7 @@ def stiffness(
         parts += [_of_stage(stage, mesh, network), _under_load(stage, found), _of_motions(stage, found)]
     else:
         parts += [_soft_bodies(found), _buckling(stage, found), _body_yields(stage, mesh, found)]
-        parts += [_ranges(stage, mesh, found), _under_load(stage, found)]
+        parts += [_ranges(stage, mesh, found), _under_load(stage, found), _beyond_linear(stage, found, load)]
         if is_lifted:
             parts.append(_lifted(stage, force_out_of_plane))
     last = list(found.values())[-1].values
@@ -449,6 +453,23 @@ def _under_load(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer]) -> _
         return _Part()
     stress = "neck_stress" if isinstance(plate, Stage) else "hinge_stress"
     return _Part(warnings=plates.over_yield(plate, found, stress, "under this load"))
+
+
+def _beyond_linear(mechanism: Mechanism, found: Mapping[str, ModelAnswer], load: _Load) -> _Part:
+    """Warn of a load or displacement at which linear theory is off by more than its band, by beams."""
+    values, bands = list(found.values())[-1]
+    if "force" not in values or not mechanism.layout.joints:
+        return _Part()
+    if load.displacement is not None:
+        applied = finite.by_pose(mechanism.layout, load.displacement)
+    else:
+        assert load.on_ports is not None
+        applied = finite.by_loads(mechanism.layout, load.on_ports)
+    moved, width = (np.ravel(part["pose"]) if "pose" in part else np.zeros(1) for part in (values, bands))
+    motion = float(np.max(width) / np.max(np.abs(moved)))
+    stress = float(np.max(bands["hinge_stress"]) / np.max(values["hinge_stress"])) if "hinge_stress" in bands else 0.0
+    changes = finite.changes(mechanism, None, [applied])
+    return _Part(warnings=changes.warnings("under this load", None, motion, stress))
 
 
 def _asked(
