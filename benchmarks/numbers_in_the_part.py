@@ -45,6 +45,7 @@ from flexfem.results import SOLID
 from flexfem.units import DIRECTIONS
 
 FAMILIES = (ring, legs, guide, double_guide)
+MODES = 4  # of a plate solved in three dimensions, whose first modes may all be out of the plane
 FROM_THE_LIMIT = 0.02  # of a displacement: the second equilibrium from which the place of the limit follows
 
 
@@ -128,8 +129,9 @@ def in_three_dimensions(mechanism: flexfem.Mechanism, order: int) -> list[Number
         at = {"model": SOLID, "direction": direction}
         value, band = float(stiff.at("free", **at)), float(stiff.band("free", **at))
         found.append(Number("stiffness", direction, value, band, float(wanted["free"][axis])))
-    vibrating = flexfem.modes(mechanism, models="elements", count=1)
-    first, width = float(vibrating.at("frequency", model=SOLID)[0]), float(vibrating.band("frequency", model=SOLID)[0])
+    vibrating = flexfem.modes(mechanism, models="elements", count=MODES)
+    (place, *_) = [k for k, name in enumerate(vibrating.axes["mode"]) if "out of" not in name]
+    first, width = (float(of("frequency", model=SOLID)[place]) for of in (vibrating.at, vibrating.band))
     lifted = vibrating.values.get("first_out_of_plane")
     out, out_width = np.inf, 0.0
     if lifted is not None:

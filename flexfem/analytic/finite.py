@@ -17,7 +17,7 @@ import numpy as np
 
 from flexfem.analytic.plates import hinge_compliance_of, moving_bodies
 from flexfem.arrays import Array
-from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.layout import Layout, Port
 from flexfem.mechanism.profiles import SHEAR_CORRECTION, Profile
 from flexfem.refused import ComputationFailed
 
@@ -110,8 +110,11 @@ class FinitePlate:
     The nodes at the ends of a hinge move with its bodies; those at the ground have the three numbers after the last.
     """
 
-    def __init__(self, layout: Layout, hinges: Array | None = None) -> None:
-        """`hinges`: compliances (h, 3, 3) at their centres, that the beams get in tension and in bending."""
+    def __init__(self, layout: Layout, hinges: Array | None = None, ports: Sequence[Port] | None = None) -> None:
+        """`hinges`: compliances (h, 3, 3) at their centres, that the beams get in tension and in bending.
+
+        `ports`: those where loads act, by default those of the layout.
+        """
         moving, count = moving_bodies(layout), len(layout.joints)
         material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
         marks = {profile: divided_profile(profile, BEAMS) for profile in {joint.profile for joint in layout.joints}}
@@ -136,11 +139,12 @@ class FinitePlate:
             change = np.repeat(change.T, BEAMS, axis=0)
             self.stiffness *= change[:, :, None] * change[:, None]
         self.extent = float(np.ptp(place.real) + np.ptp(place.imag))
+        ports = layout.ports if ports is None else ports
         parts = [(j, bodies[at.body], at.point - centre[bodies[at.body] // 3], *wrench)
-                 for j, port in enumerate(layout.ports) for at, wrench in port.parts if at.body in bodies]  # fmt: skip
+                 for j, port in enumerate(ports) for at, wrench in port.parts if at.body in bodies]  # fmt: skip
         columns = [np.array(values) for values in zip(*parts, strict=True)]
         self.port, self.loaded, self.load_arm, self.load = *columns[:3], np.array(columns[3:])
-        self.ports = len(layout.ports)
+        self.ports = len(ports)
 
     def deformed(self, q: Array) -> Beams:
         """Beams at unknowns q (size,); a node at z of a body moves to the body's pose and turned z."""

@@ -28,7 +28,7 @@ from flexfem.analytic.finite import (
     divided_profile,
 )
 from flexfem.arrays import Array
-from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.layout import Layout, Port
 from flexfem.mechanism.profiles import Profile
 from flexfem.refused import ComputationFailed
 
@@ -103,8 +103,14 @@ class DrivenPlate(FinitePlate):
     stress_ratios : of the highest stress of the hinges to that in plane stress, by default one.
     """
 
-    def __init__(self, layout: Layout, hinges: Array | None = None, stress_ratios: StressRatios | None = None) -> None:
-        super().__init__(layout, hinges)
+    def __init__(
+        self,
+        layout: Layout,
+        hinges: Array | None = None,
+        stress_ratios: StressRatios | None = None,
+        ports: Sequence[Port] | None = None,
+    ) -> None:
+        super().__init__(layout, hinges, ports)
         self.layout = layout
         self.stress_ratios = stress_ratios or (lambda wrenches: np.ones(len(wrenches)))
         self.alike = dict[Profile, list[int]]()

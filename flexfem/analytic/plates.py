@@ -277,6 +277,21 @@ def modes(
     return found[np.isfinite(found)]
 
 
+def weights(layout: Layout) -> tuple[tuple[Port, ...], Array]:
+    """Return ports (n), along x and y at the centres of mass of all that moves, and the masses (n,), tonne, on them."""
+    ports, masses = list[Port](), list[float]()
+    parts = [(load.contact, load.mass) for load in layout.payloads]
+    parts += [(at, one.mass / 2) for one in layout.actuators for at in one.contacts]
+    for body in moving_bodies(layout):
+        area, first = body_moments(layout, body)[:2]
+        parts.append((Patch(body, complex(first / area)), layout.density * layout.thickness * float(area.real)))
+    for contact, mass in parts:
+        for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
+            ports.append(Port("weight", False, ((contact, direction),)))
+            masses.append(mass)
+    return tuple(ports), np.array(masses)
+
+
 def weighed(
     layout: Layout, accelerations: Array, bodies: Sequence[ElasticBody] = (), hinges: Array | None = None
 ) -> tuple[Array, Array]:

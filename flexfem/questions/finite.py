@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.paths import DrivenPlate
+from flexfem.analytic.plates import weights
 from flexfem.analytic.strokes import STIFF, Applied, Displaced, displaced_by, linear
 from flexfem.arrays import Array, Index
 from flexfem.fem.nonlinear import Equilibria, driven, equilibria, stress_in_parts
@@ -22,7 +23,7 @@ from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import levels
 from flexfem.questions.plates import ElasticParts, model_of, parts_of, responses, solved, thickness_of
-from flexfem.questions.setup import Mesh
+from flexfem.questions.setup import Mesh, ModelAnswer
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
@@ -185,6 +186,21 @@ def _balanced(at: Displaced, compliance: Array, command: Applied, driving: Index
     return at._replace(motions=at.motions + compliance @ added, loads=at.loads + added)
 
 
+def by_weight(mechanism: Mechanism, acceleration: Array) -> Changes:
+    """Return the change of linear theory by beams under the weight in an acceleration (2,), mm/s^2."""
+    layout = mechanism.layout
+    ports, masses = weights(layout)
+    plate = DrivenPlate(layout, ports=(*layout.ports, *ports))
+    nothing = np.zeros(plate.ports)
+    loads = np.concatenate([np.zeros(len(layout.ports)), masses * np.resize(acceleration, len(masses))])
+    applied = Applied(loads, nothing, nothing)
+    before, found = linear(plate, applied), displaced_by(plate, applied)
+    if found is None:
+        return Changes([], "the beams find no equilibrium under the weight: the mechanism buckles, or snaps")
+    added = found.plus(before, -1.0)
+    return Changes([_related({ANALYTIC: added}, added.error(1.0), before, layout)])
+
+
 class Changes(NamedTuple):
     """Changes of linear theory at several commands.
 
@@ -241,3 +257,13 @@ def changes(mechanism: Mechanism, mesh: Mesh | None, commands: Sequence[Applied]
         return Changes([change(mechanism, mesh, command) for command in commands])
     except ComputationFailed as failure:
         return Changes([], str(failure))
+
+
+def relative_bands(found: ModelAnswer, motion: str, stress: str) -> tuple[float, float]:
+    """Return the bands of two quantities of a model relative to their largest values; 0 without a band."""
+    widths = list[float]()
+    for name in (motion, stress):
+        largest = float(np.max(np.abs(found.values[name]), initial=0.0))
+        band = float(np.nanmax(found.bands.get(name, 0.0)))
+        widths.append(band / largest if largest > 0 else 0.0)
+    return widths[0], widths[1]

@@ -26,7 +26,7 @@ from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates, setup
+from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, pose_bands
 from flexfem.questions.plates import Values
@@ -153,6 +153,9 @@ def gravity(
 
     found = plates.by_models(stage, mesh, models, of_network, of_size, progress, bands)
     warnings += plates.over_yield(stage, found, "stress", "under the weight")
+    if isinstance(stage, Mechanism) and stage.layout.joints:
+        relative = finite.relative_bands(list(found.values())[-1], "pose", "stress")
+        warnings += finite.by_weight(stage, g).warnings("under the weight", None, *relative)
     return setup.answer(Gravity, stage, found, mesh, settings, values, warnings=warnings)
 
 

@@ -457,19 +457,16 @@ def _under_load(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer]) -> _
 
 def _beyond_linear(mechanism: Mechanism, found: Mapping[str, ModelAnswer], load: _Load) -> _Part:
     """Warn of a load or displacement at which linear theory is off by more than its band, by beams."""
-    values, bands = list(found.values())[-1]
-    if "force" not in values or not mechanism.layout.joints:
+    if "force" not in list(found.values())[-1].values or not mechanism.layout.joints:
         return _Part()
     if load.displacement is not None:
         applied = finite.by_pose(mechanism.layout, load.displacement)
     else:
         assert load.on_ports is not None
         applied = finite.by_loads(mechanism.layout, load.on_ports)
-    moved, width = (np.ravel(part["pose"]) if "pose" in part else np.zeros(1) for part in (values, bands))
-    motion = float(np.max(width) / np.max(np.abs(moved)))
-    stress = float(np.max(bands["hinge_stress"]) / np.max(values["hinge_stress"])) if "hinge_stress" in bands else 0.0
+    relative = finite.relative_bands(list(found.values())[-1], "pose", "hinge_stress")
     changes = finite.changes(mechanism, None, [applied])
-    return _Part(warnings=changes.warnings("under this load", None, motion, stress))
+    return _Part(warnings=changes.warnings("under this load", None, *relative))
 
 
 def _asked(

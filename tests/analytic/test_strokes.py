@@ -21,7 +21,7 @@ SHAPE = 2e-3  # of the cubic term: the tension straightens the leaves at a fifth
 SLOPE = 1e-4  # of linear theory: shear of the leaves, and compliance along them
 
 
-def guide(both_sides, stiffness=None):
+def guide(both_sides, stiffness=None, material=None):
     """A stage on two leaves along y below it, and two above it; it moves along x, by a stack of a stiffness, N/mm."""
     ends = {"below": -1, "above": 1} if both_sides else {"below": -1}
     bodies = [{"name": "stage", "outline": [(-20, -3), (20, -3), (20, 3), (-20, 3)]}]
@@ -34,12 +34,12 @@ def guide(both_sides, stiffness=None):
             between = (name, "stage") if side < 0 else ("stage", name)
             hinges.append({"name": f"{name} {x}", "between": between, "at": (x, side * (3 + LENGTH / 2)), **leaf})
     stack = {"name": "stack", "between": ("ground", "stage"), "at": [(-30, 0), (-20, 0)], "contact": 1.0}
-    material = {"name": "ideal", "youngs_modulus": E, "poissons_ratio": 0.29, "density": 2700.0, "yield_strength": 1e4}
+    ideal = {"name": "ideal", "youngs_modulus": E, "poissons_ratio": 0.29, "density": 2700.0, "yield_strength": 1e4}
     return flexfem.Mechanism(
-        name="guide", thickness=THICKNESS, material=material, model="plane_stress", body=bodies, hinge=hinges,
+        name="guide", thickness=THICKNESS, material=material or ideal, model="plane_stress", body=bodies, hinge=hinges,
         output={"body": "stage", "at": (0, 0)},
         actuator=[] if stiffness is None else [{**stack, "stroke": 0.1, "stiffness": stiffness}],
-    ).layout  # fmt: skip
+    )  # fmt: skip
 
 
 def applied(layout, **at):
@@ -49,7 +49,7 @@ def applied(layout, **at):
 
 
 def test_leaves_between_two_frames_stretch_as_they_bend():
-    layout = guide(both_sides=True)
+    layout = guide(both_sides=True).layout
     for share in (0.05, 0.2):
         x = share * HEIGHT
         force = 4 * (BEND * x + STRETCH * x**3)
@@ -63,7 +63,7 @@ def test_leaves_between_two_frames_stretch_as_they_bend():
 
 def test_a_parallelogram_sinks_as_it_moves():
     """Linear theory knows no motion across the command."""
-    layout = guide(both_sides=False)
+    layout = guide(both_sides=False).layout
     command = applied(layout, loads=[2 * BEND * 0.5])
     found, rest = (of(DrivenPlate(layout), command) for of in (displaced_by, linear))
     assert found.motions[:2] == pytest.approx([0.5, -3 / 5 * 0.5**2 / LENGTH], rel=5 * SHAPE)
@@ -74,7 +74,7 @@ def test_a_stack_shares_its_stroke_with_the_guide_that_it_stretches():
     """`k (s - x)` is the force of the guide at x; a rigid stack gives all of its stroke."""
     x, k = 0.08, 300.0
     force = 4 * (BEND * x + STRETCH * x**3)
-    layout = guide(both_sides=True, stiffness=k)
+    layout = guide(both_sides=True, stiffness=k).layout
     found = displaced_by(DrivenPlate(layout), applied(layout, strokes=[0, 0, 0, x + force / k], springs=[0, 0, 0, k]))
     assert found.motions[[0, 3]] == pytest.approx([x, x], rel=SHAPE)
     assert found.loads[3] == pytest.approx(force, rel=2 * SHAPE)
@@ -85,7 +85,7 @@ def test_a_stack_shares_its_stroke_with_the_guide_that_it_stretches():
 
 def test_the_stress_has_the_tension_of_the_leaves():
     """Bending `3 E h x / L^2` at the ends, and tension `3 E x^2 / (5 L^2)`: at a fifth of the height a twenty-fifth."""
-    layout = guide(both_sides=True)
+    layout = guide(both_sides=True).layout
     x = 0.2 * HEIGHT
     force = 4 * (BEND * x + STRETCH * x**3)
     stress = displaced_by(DrivenPlate(layout), applied(layout, loads=[force])).stress
