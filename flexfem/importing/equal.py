@@ -1,0 +1,311 @@
+"""Equal hinges and copies among the parts that were found in a plate; complex points, mm."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from flexfem.arrays import AnyArray, Array
+from flexfem.importing.found import FoundHinge
+from flexfem.mechanism.layout import Move
+from flexfem.mechanism.outlines import Segment
+
+EQUAL = 1e-3  # mm, between dimensions, and between edges, of equal parts
+EQUAL_ANGLE = 1e-2  # degrees, between angles of equal hinges: 1 um at the end of a flank of 6 mm
+MOST_PAIRS = 2000  # pairs of hinges that are searched for lines of symmetry
+MOST_TRIED = 12  # moves of each kind, those that most pairs of hinges agree on
+MOST_ROUND = 24  # copies of a rotation
+MOST_LEVELS = 4  # copies of copies
+
+
+class EqualHinges(NamedTuple):
+    """Hinges of one shape with equal dimensions.
+
+    members : indices of the hinges.   dimensions : mean by key, mm and degrees.
+    """
+
+    shape: str
+    members: tuple[int, ...]
+    dimensions: dict[str, float]
+
+
+def equal_hinges(hinges: Sequence[FoundHinge]) -> list[EqualHinges]:
+    """Return the groups of hinges whose shape is one and whose dimensions are equal, in the order of the hinges."""
+    groups = list[list[int]]()
+    for index, hinge in enumerate(hinges):
+        group = next((each for each in groups if _are_equal(hinges[each[0]], hinge)), None)
+        if group is None:
+            groups.append([index])
+        else:
+            group.append(index)
+    found = list[EqualHinges]()
+    for group in groups:
+        first = hinges[group[0]]
+        means = {key: float(np.mean([hinges[k].dimensions[key] for k in group])) for key in first.dimensions}
+        found.append(EqualHinges(first.shape, tuple(group), means))
+    return found
+
+
+def _are_equal(one: FoundHinge, other: FoundHinge) -> bool:
+    if one.shape != other.shape or one.dimensions.keys() != other.dimensions.keys():
+        return False
+    for key, value in one.dimensions.items():
+        if abs(value - other.dimensions[key]) > (EQUAL_ANGLE if key == "angle" else EQUAL):
+            return False
+    rows, others = np.array(one.table), np.array(other.table)
+    return rows.shape == others.shape and bool(np.all(np.abs(rows - others) <= EQUAL))
+
+
+class PartShape(NamedTuple):
+    """What decides whether a body is a copy of another.
+
+    points : (n,), corners of its loops and middles of their sides.   role : such as "fixed"; None for the output, which
+    is no copy.
+    """
+
+    points: AnyArray
+    role: str | None
+
+
+def shape_of(loops: Sequence[Sequence[Segment]], role: str | None) -> PartShape:
+    """Return the shape of a body of given loops."""
+    segments = [segment for loop in loops for segment in loop]
+    corners = [segment.start for segment in segments]
+    middles = [complex(segment.at(0.5)) for segment in segments]
+    return PartShape(np.array(corners + middles), role)
+
+
+class CopiedParts(NamedTuple):
+    """One [[copy]]: indices of the bodies and hinges that are copied, and how.
+
+    count, about : of a rotation.   mirror : two points of the line of a mirror image, None for a rotation.
+    images : by step of the rotation, bodies and hinges by the index of the part that they copy.
+    """
+
+    bodies: tuple[int, ...]
+    hinges: tuple[int, ...]
+    count: int
+    about: complex
+    mirror: tuple[complex, complex] | None
+    images: tuple[tuple[Mapping[int, int], Mapping[int, int]], ...]
+
+    @property
+    def copied(self) -> int:
+        """Number of parts that need not be described."""
+        return (len(self.bodies) + len(self.hinges)) * (self.count - 1)
+
+    @property
+    def moves(self) -> list[Move]:
+        """Moves from the copied parts to their copies."""
+        if self.mirror is not None:
+            return [mirror_image(*self.mirror)]
+        turns = [cmath.exp(2j * math.pi * k / self.count) for k in range(1, self.count)]
+        return [Move(turn, self.about - turn * self.about) for turn in turns]
+
+
+def mirror_image(first: complex, second: complex) -> Move:
+    """Return the mirror image about the line through two points."""
+    turn = (second - first) / (second - first).conjugate()
+    return Move(turn, first - turn * first.conjugate(), mirrored=True)
+
+
+def find_copies(
+    hinges: Sequence[FoundHinge],
+    groups: Sequence[EqualHinges],
+    shapes: Sequence[PartShape],
+    rounded: Callable[[complex], complex],
+) -> list[CopiedParts]:
+    """Return copies in the order in which they apply, so that few parts have to be described.
+
+    rounded : centre of a rotation or point of a line of symmetry as it will be written.
+    """
+    parts = _Parts(hinges, groups, shapes)
+    bodies, kept, found = set(range(len(shapes))), set(range(len(hinges))), list[CopiedParts]()
+    while len(found) < MOST_LEVELS:
+        tried = [parts.copied(move, bodies, kept) for move in parts.moves(kept, rounded)]
+        best = max(tried, key=lambda each: each.copied, default=None)
+        if best is None or not best.hinges:
+            break
+        found.append(best)
+        for of_bodies, of_hinges in best.images:
+            bodies -= set(of_bodies.values())
+            kept -= set(of_hinges.values())
+    return found[::-1]
+
+
+class _Rotation(NamedTuple):
+    about: complex
+    count: int
+
+
+class _Mirror(NamedTuple):
+    first: complex
+    second: complex
+
+
+class _Parts:
+    """The parts of a plate among which copies are searched."""
+
+    def __init__(
+        self, hinges: Sequence[FoundHinge], groups: Sequence[EqualHinges], shapes: Sequence[PartShape]
+    ) -> None:
+        self.hinges, self.shapes, self.groups = hinges, shapes, groups
+        self.group = {member: k for k, group in enumerate(groups) for member in group.members}
+        self.places = np.array([hinge.place for hinge in hinges])
+        self.centres = np.array([shape.points.mean() for shape in shapes])
+        self.trees = [cKDTree(_columns(shape.points)) for shape in shapes]
+        self.tree = cKDTree(_columns(self.places)) if len(hinges) else None
+
+    def moves(self, kept: set[int], rounded: Callable[[complex], complex]) -> Iterator[_Rotation | _Mirror]:
+        """Yield the moves that may take many of the kept hinges to others."""
+        for group in self.groups:
+            members = [k for k in group.members if k in kept]
+            if len(members) > 2:
+                centre = rounded(complex(self.places[members].mean()))
+                orders = [n for n in range(MOST_ROUND, 2, -1) if len(members) % n == 0]
+                yield from (_Rotation(centre, n) for n in orders)
+        pairs = [pair for group in self.groups for pair in combinations([k for k in group.members if k in kept], 2)]
+        one, other = np.array(pairs[:MOST_PAIRS], dtype=np.int64).reshape(-1, 2).T
+        apart = self.places[other] - self.places[one]
+        distinct = np.abs(apart) > EQUAL
+        across = apart[distinct] / np.abs(apart[distinct])
+        across *= np.where((across.real < -EQUAL) | ((np.abs(across.real) <= EQUAL) & (across.imag < 0)), -1, 1)
+        middle = (self.places[one] + self.places[other])[distinct] / 2
+        level = (middle / across).real
+        keys = zip(*(np.round(part, 3).tolist() for part in (across.real, across.imag, level)), strict=True)
+        for _, k in _frequent(list(keys)):
+            axis = complex(1j * across[k])
+            foot = rounded(complex(level[k] * across[k]))
+            axis = min((1, 1j), key=lambda unit: abs(unit - axis)) if _is_square(axis) else axis
+            yield _Mirror(foot, foot + axis)
+        for _, k in _frequent([(round(z.real, 3), round(z.imag, 3)) for z in middle.tolist()]):
+            yield _Rotation(rounded(complex(middle[k])), 2)
+
+    def copied(self, move: _Rotation | _Mirror, bodies: set[int], kept: set[int]) -> CopiedParts:
+        """Return the bodies and hinges, of those given, that a move takes to others again and again."""
+        mirror = (move.first, move.second) if isinstance(move, _Mirror) else None
+        about, count = (0j, 2) if isinstance(move, _Mirror) else move
+        plan = CopiedParts((), (), count, about, mirror, ())
+        steps = [self._image(step, bodies, kept) for step in plan.moves]
+        of_bodies = _orbits(bodies, [step[0] for step in steps])
+        chosen = self._connected(of_bodies, kept)
+        copied = {body: k for k, orbit in enumerate(of_bodies) for body in orbit}
+        of_hinges = list[list[int]]()
+        for orbit in _orbits(kept, [step[1] for step in steps]):
+            for turn in range(len(orbit)):
+                turned = orbit[turn:] + orbit[:turn]
+                if self._follows(turned, plan.moves, steps, chosen, copied):
+                    of_hinges.append(turned)
+                    break
+        taken = tuple(sorted(chosen)), tuple(orbit[0] for orbit in of_hinges)
+        images = tuple(
+            ({body: step[0][body] for body in taken[0]}, {hinge: step[1][hinge] for hinge in taken[1]})
+            for step in steps
+        )
+        return plan._replace(bodies=taken[0], hinges=taken[1], images=images)
+
+    def _image(self, move: Move, bodies: set[int], kept: set[int]) -> tuple[dict[int, int], dict[int, int]]:
+        """Return the bodies and hinges to which a move takes bodies and hinges, by their indices."""
+        of_bodies, of_hinges = dict[int, int](), dict[int, int]()
+        for body in bodies:
+            points = move(self.shapes[body].points)
+            near = np.flatnonzero(np.abs(self.centres - points.mean()) <= EQUAL)
+            for other in near.tolist():
+                if other in bodies and self._same_body(body, other, points):
+                    of_bodies[body] = other
+        if self.tree is None:
+            return of_bodies, of_hinges
+        order = sorted(kept)
+        distance, nearest = self.tree.query(_columns(move(self.places[order])))
+        for hinge, other in zip(order, np.where(distance <= EQUAL, nearest, -1).tolist(), strict=True):
+            if other in kept and self.group[other] == self.group[hinge] and self._same_axis(hinge, other, move):
+                of_hinges[hinge] = other
+        return of_bodies, of_hinges
+
+    def _same_body(self, one: int, other: int, moved: AnyArray) -> bool:
+        role = self.shapes[one].role
+        if role is None or role != self.shapes[other].role or len(moved) != len(self.shapes[other].points):
+            return False
+        return bool(np.max(self.trees[other].query(_columns(moved))[0]) <= EQUAL)
+
+    def _same_axis(self, one: int, other: int, move: Move) -> bool:
+        """Whether the axis of a hinge becomes that of another; the profile is symmetric, so that its sense is free."""
+        turn = cmath.exp(1j * (move.heading(self.hinges[one].heading) - self.hinges[other].heading))
+        reach = sum(self.hinges[one].dimensions.values()) or 1.0
+        directed = bool(self.hinges[one].table)
+        aside = abs(turn.imag) * reach <= EQUAL
+        return aside and (turn.real > 0 or not directed)
+
+    def _connected(self, orbits: Sequence[Sequence[int]], kept: set[int]) -> set[int]:
+        """Return one body of each orbit, those that hinges connect where there is a choice."""
+        of = {body: k for k, orbit in enumerate(orbits) for body in orbit}
+        beside: dict[int, list[int]] = {}
+        for k in sorted(kept):
+            first, second = self.hinges[k].bodies
+            beside.setdefault(first, []).append(second)
+            beside.setdefault(second, []).append(first)
+        chosen, seen = set[int](), set[int]()
+        for orbit in orbits:
+            ahead = [min(orbit)]
+            while ahead:
+                body = ahead.pop(0)
+                if body in of and of[body] not in seen:
+                    seen.add(of[body])
+                    chosen.add(body)
+                    ahead += beside.get(body, [])
+        return chosen
+
+    def _follows(
+        self,
+        orbit: Sequence[int],
+        moves: Sequence[Move],
+        steps: Sequence[tuple[dict[int, int], dict[int, int]]],
+        chosen: set[int],
+        copied: Mapping[int, int],
+    ) -> bool:
+        """Whether the copies of the first hinge of an orbit connect what a [[copy]] connects them to."""
+        hinge = self.hinges[orbit[0]]
+        if any(end in copied and end not in chosen for end in hinge.bodies):
+            return False
+        for move, (of_bodies, of_hinges) in zip(moves, steps, strict=True):
+            image = self.hinges[of_hinges[orbit[0]]]
+            same_sense = math.cos(move.heading(hinge.heading) - image.heading) > 0
+            wanted = tuple(of_bodies[end] if end in chosen else end for end in hinge.bodies)
+            if wanted != (image.bodies if same_sense else image.bodies[::-1]):
+                return False
+        return True
+
+
+def _orbits(parts: set[int], steps: Sequence[Mapping[int, int]]) -> list[list[int]]:
+    """Return the parts that all steps take to different ones, each with its images."""
+    seen, found = set[int](), list[list[int]]()
+    for part in sorted(parts):
+        orbit = [part, *(step[part] for step in steps if part in step)]
+        if len(orbit) == len(steps) + 1 == len(set(orbit)) and not seen & set(orbit):
+            found.append(orbit)
+            seen |= set(orbit)
+    return found
+
+
+def _frequent(keys: Sequence[tuple[float, ...]]) -> list[tuple[tuple[float, ...], int]]:
+    """Return the most frequent keys, each with the index of its first member."""
+    first = dict[tuple[float, ...], int]()
+    for k, key in enumerate(keys):
+        first.setdefault(key, k)
+    return [(key, first[key]) for key, _ in Counter(keys).most_common(MOST_TRIED)]
+
+
+def _is_square(axis: complex) -> bool:
+    """Whether a direction is along x or y up to round-off."""
+    return min(abs(axis.real), abs(axis.imag)) < 1e-9 * abs(axis)
+
+
+def _columns(points: AnyArray) -> Array:
+    return np.column_stack([points.real, points.imag])

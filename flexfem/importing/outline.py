@@ -1,0 +1,298 @@
+"""Outlines of found bodies as corners of a mechanism file, tied to the ends of hinges by expressions.
+
+A side at which hinges end follows their length, and a corner at the end of a hinge its height, so that the plate stays
+closed when a parameter changes. Complex points, mm.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.files.refusals import as_toml
+from flexfem.mechanism.layout import Joint
+from flexfem.mechanism.outlines import SHORTEST, Segment
+from flexfem.mechanism.plate import SIDES, end_corners
+
+STRAIGHT = 1e-6  # mm, of corners from a straight side, or of centres of arcs on one circle
+AT_HINGE = 5e-4  # the same of a side at which a hinge ends, which is fitted
+REACHED = 2e-3  # mm, between an end of a hinge and the side of a body
+SHORT = 1e-4  # mm, side beside a fillet
+TANGENT = 1e-5  # rad, of a fillet and its sides
+BLUNT = math.radians(170.0)  # turn of a fillet
+LONGEST_ARC = math.radians(300.0)  # turn of an arc between two corners
+PARALLEL = 1e-6  # sine of the angle between sides without a common corner
+DECIMALS, FEWER = 9, 4  # of numbers of mm
+SNAP = 2e-7  # mm, between a number and one with fewer decimals that is written instead
+FLAT = 1e-9  # factor of a parameter that is round-off
+
+
+class Term(NamedTuple):
+    """A parameter, or an expression of parameters, with its value, mm, and the number of times it counts."""
+
+    times: float
+    text: str
+    value: float
+
+
+class HingeSize(NamedTuple):
+    """Length and height of the ends of a hinge as sums of parameters; empty where they are plain numbers."""
+
+    length: tuple[Term, ...] = ()
+    height: tuple[Term, ...] = ()
+
+
+class HingeEnd(NamedTuple):
+    """End of a hinge on a body.
+
+    middle : of the end.   outwards : unit vector of the axis towards this end, or away from the body.
+    corners : both corners, the upper one first.
+    """
+
+    hinge: int
+    middle: complex
+    outwards: complex
+    corners: tuple[complex, complex]
+
+
+class Side(NamedTuple):
+    """A side of an outline: a line, or an arc with a turn, rad, and the hinge ends and drawn segments on it."""
+
+    start: complex
+    end: complex
+    centre: complex | None
+    turn: float
+    ends: tuple[HingeEnd, ...]
+    segments: tuple[int, ...]
+
+
+class Vertex(NamedTuple):
+    """A corner with its fillet, mm, 0 for none; the side before it and that after it."""
+
+    point: complex
+    fillet: float
+    before: Side
+    after: Side
+
+
+def hinge_ends(joints: Sequence[Joint], body: int) -> list[HingeEnd]:
+    """Return the ends of hinges on a body."""
+    found = list[HingeEnd]()
+    for index, joint in enumerate(joints):
+        for side, own in zip(SIDES, joint.bodies, strict=True):
+            if own == body:
+                upper, lower = end_corners(joint, side)
+                ahead = side * cmath.exp(1j * joint.heading)
+                found.append(HingeEnd(index, (upper + lower) / 2, ahead, (upper, lower)))
+    return found
+
+
+def vertices_of(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Vertex]:
+    """Return the corners of a closed loop: lines and arcs joined where they continue, and fillets as such."""
+    sides = [_side(segment, index, ends) for index, segment in enumerate(loop)]
+    joined = list[Side]()
+    for side in sides:
+        longer = _joined(joined[-1], side) if joined else None
+        if longer is None:
+            joined.append(side)
+        else:
+            joined[-1] = longer
+    if len(joined) > 2 and (longer := _joined(joined[-1], joined[0])) is not None:
+        joined = [longer, *joined[1:-1]]
+    count = len(joined)
+    round_corners = {k for k in range(count) if _is_fillet(joined[k - 1], joined[k], joined[(k + 1) % count])}
+    found = list[Vertex]()
+    for k in range(count):
+        before, after = joined[k - 1], joined[k]
+        if (k - 1) % count in round_corners:
+            continue
+        if k not in round_corners:
+            found.append(Vertex(after.start, 0.0, before, after))
+            continue
+        assert after.centre is not None
+        following = joined[(k + 1) % count]
+        corner = _crossing(before.start, before.end - before.start, following.start, following.end - following.start)
+        assert corner is not None
+        found.append(Vertex(corner, abs(after.start - after.centre), before, following))
+    return found
+
+
+def _side(segment: Segment, index: int, ends: Sequence[HingeEnd]) -> Side:
+    on = tuple(end for end in ends if segment.centre is None and _ends_on(end, segment.start, segment.end))
+    return Side(segment.start, segment.end, segment.centre, segment.turn, on, (index,))
+
+
+def _ends_on(end: HingeEnd, start: complex, stop: complex) -> bool:
+    """Whether the middle of the end of a hinge lies on a line at right angles to its axis."""
+    along = stop - start
+    place = (end.middle - start) / along
+    upright = abs((along * end.outwards.conjugate()).real) < REACHED
+    return upright and 0 < place.real < 1 and abs(place.imag) * abs(along) < REACHED
+
+
+def _joined(one: Side, other: Side) -> Side | None:
+    """Return two sides as one, None where there is a corner between them."""
+    ends, segments = one.ends + other.ends, one.segments + other.segments
+    if one.centre is None and other.centre is None:
+        chord = other.end - one.start
+        ahead = ((other.end - other.start) * (one.end - one.start).conjugate()).real > 0
+        off = abs(((one.end - one.start) / chord).imag) * abs(chord) if abs(chord) > SHORTEST else math.inf
+        if ahead and off <= (AT_HINGE if ends else STRAIGHT):
+            return Side(one.start, other.end, None, 0.0, ends, segments)
+    if one.centre is not None and other.centre is not None:
+        turn = one.turn + other.turn
+        if abs(one.centre - other.centre) <= STRAIGHT and one.turn * other.turn > 0 and abs(turn) < LONGEST_ARC:
+            return Side(one.start, other.end, one.centre, turn, ends, segments)
+    return None
+
+
+def _is_fillet(before: Side, side: Side, after: Side) -> bool:
+    """Whether an arc between two lines can be written as a corner with a radius."""
+    if side.centre is None or before.centre is not None or after.centre is not None or abs(side.turn) > BLUNT:
+        return False
+    along, beyond = before.end - before.start, after.end - after.start
+    if min(abs(along), abs(beyond)) < SHORT:
+        return False
+    quarter = 1j * math.copysign(1.0, side.turn)
+    bends = (quarter * (side.start - side.centre) / along, quarter * (side.end - side.centre) / beyond)
+    return all(abs(cmath.phase(bend)) < TANGENT for bend in bends)
+
+
+def _crossing(a: complex, u: complex, b: complex, v: complex) -> complex | None:
+    """Return the common point of two lines through points along vectors; None for parallel ones."""
+    across = (u.conjugate() * v).imag
+    if abs(across) <= PARALLEL * abs(u) * abs(v):
+        return None
+    return a + u * ((b - a).conjugate() * v).imag / across
+
+
+def outline_rows(vertices: Sequence[Vertex], sizes: Sequence[HingeSize]) -> list[list[float | str]]:
+    """Return the corners of an outline as a file states them: x, y, and perhaps a radius and the height of an arc.
+
+    sizes : of all hinges, by their index.
+    """
+    points, rows = list[complex](), list[list[float | str]]()
+    for vertex in vertices:
+        point, terms = _placed(vertex, sizes)
+        points.append(point)
+        row = [_coordinate(point.real, terms, 1.0), _coordinate(point.imag, terms, -1j)]
+        if vertex.fillet:
+            row.append(decimal(vertex.fillet))
+        rows.append(row)
+    for row, vertex, (start, end) in zip(rows, vertices, pairwise([*points, points[0]]), strict=True):
+        if vertex.after.centre is not None:
+            row += [0] * (3 - len(row)) + [decimal(abs(end - start) / 2 * math.tan(vertex.after.turn / 4))]
+    return rows
+
+
+def _placed(vertex: Vertex, sizes: Sequence[HingeSize]) -> tuple[complex, list[tuple[complex, Term]]]:
+    """Return a corner where the hinges end, and its displacement by each of the terms."""
+    before, after = vertex.before, vertex.after
+    if not vertex.fillet:
+        for end in (*before.ends, *after.ends):
+            for sign, corner in zip((1.0, -1.0), end.corners, strict=True):
+                if abs(corner - vertex.point) < REACHED:
+                    across = (corner - end.middle) / abs(corner - end.middle)
+                    size = sizes[end.hinge]
+                    along = [(end.outwards / 2 * term.times, term) for term in size.length]
+                    return corner, along + [(across / 2 * term.times, term) for term in size.height]
+    lines = [_line(before), _line(after)]
+    point = _corner_of(vertex.point, lines)
+    terms = list[tuple[complex, Term]]()
+    for k, side in enumerate((before, after)):
+        if side.ends:
+            way = _way(side, (after, before)[k])
+            terms += [(way / 2 * term.times, term) for term in sizes[side.ends[0].hinge].length]
+    if terms:
+        return point, terms
+    return complex(decimal(point.real), decimal(point.imag)), terms
+
+
+def _line(side: Side) -> tuple[complex, complex] | None:
+    """Return a point and the direction of a straight side, at the ends of its hinges where it has some."""
+    if side.centre is not None:
+        return None
+    if not side.ends:
+        return side.start, side.end - side.start
+    first = side.ends[0]
+    level = float(np.mean([(end.middle * first.outwards.conjugate()).real for end in side.ends]))
+    foot = first.outwards * complex(level, (first.middle * first.outwards.conjugate()).imag)
+    return foot, 1j * first.outwards
+
+
+def _corner_of(point: complex, lines: Sequence[tuple[complex, complex] | None]) -> complex:
+    """Return the common point of two lines near a point, or the point itself moved to the one line."""
+    one, other = lines
+    if one is not None and other is not None:
+        crossing = _crossing(*one, *other)
+        if crossing is not None:
+            return crossing
+    for line in lines:
+        if line is not None:
+            return line[0] + line[1] * ((point - line[0]) / line[1]).real
+    return point
+
+
+def _way(side: Side, other: Side) -> complex:
+    """Return the displacement of a corner when the side moves outwards of its hinges by one, and the other stays."""
+    outwards = side.ends[0].outwards
+    if other.centre is not None:
+        return outwards
+    along = 1j * other.ends[0].outwards if other.ends else other.end - other.start
+    along /= abs(along)
+    share = (along * outwards.conjugate()).real
+    return along / share if abs(share) > PARALLEL else outwards
+
+
+def _coordinate(value: float, terms: Sequence[tuple[complex, Term]], part: complex) -> float | str:
+    """Return a coordinate as a number, or as an expression with the parameters that move it."""
+    sums: dict[str, float] = {}
+    values = dict[str, float]()
+    for way, term in terms:
+        sums[term.text] = sums.get(term.text, 0.0) + (way * part).real
+        values[term.text] = term.value
+    moving = {text: share for text, share in sums.items() if abs(share) > FLAT}
+    if not moving:
+        return decimal(value)
+    rest = decimal(value - sum(share * values[text] for text, share in moving.items()))
+    return expression(rest, moving)
+
+
+def expression(rest: float, shares: Mapping[str, float]) -> str:
+    """Return the text of a number plus shares of parameters."""
+    text = "" if rest == 0 else number_text(rest)
+    for name, share in shares.items():
+        size = abs(share)
+        if abs(size - 1) < FLAT:
+            part = name
+        elif abs(1 / size - round(1 / size)) < FLAT:
+            part = f"{name} / {round(1 / size)}"
+        else:
+            part = f"{number_text(round(size, 12))} * {name}"
+        if text:
+            text += f" {'+' if share > 0 else '-'} {part}"
+        else:
+            text = part if share > 0 else f"-{part}"
+    return text
+
+
+def decimal(value: float) -> float:
+    """Return a length as it is written: with few decimals where that is exact to `SNAP`, else with many."""
+    fewer = round(value, FEWER)
+    found = fewer if abs(fewer - value) <= SNAP else round(value, DECIMALS)
+    return found + 0.0  # no -0
+
+
+def number_text(value: float) -> str:
+    """Return a number as TOML and expressions write it, without a needless fraction."""
+    return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+
+
+def row_text(row: Sequence[float | str]) -> str:
+    """Return a corner as TOML."""
+    return "[" + ", ".join(as_toml(part) if isinstance(part, str) else number_text(part) for part in row) + "]"

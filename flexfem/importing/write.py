@@ -1,0 +1,425 @@
+"""The mechanism file of a plate that was found in a drawing, as a person would write it."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from flexfem.files.refusals import as_toml
+from flexfem.importing.equal import CopiedParts, EqualHinges, PartShape, equal_hinges, find_copies, shape_of
+from flexfem.importing.found import FoundBody, FoundHinge, FoundPlate
+from flexfem.importing.outline import (
+    HingeSize,
+    Term,
+    Vertex,
+    decimal,
+    expression,
+    hinge_ends,
+    number_text,
+    outline_rows,
+    row_text,
+    vertices_of,
+)
+from flexfem.importing.roles import Roles
+from flexfem.mechanism.layout import Joint, Move
+from flexfem.mechanism.outlines import Segment, circle_of
+from flexfem.mechanism.profiles import profile_of
+from flexfem.refused import BadInput
+
+WIDE = 110  # characters of a line of corners
+SNAP = 2e-7  # mm, at the ends of a hinge, by which its direction is rounded
+PLURALS = {
+    "leaf": "leaves",
+    "filleted": "filleted hinges",
+    "circular": "circular notches",
+    "elliptical": "elliptical hinges",
+    "parabolic": "parabolic hinges",
+    "v": "v-shaped hinges",
+    "profile": "hinges by table",
+}
+SINGULARS = {"leaf": "leaf", "circular": "notch", "profile": "hinge"}  # other shapes are named after themselves
+UNITS = {"angle": "deg"}  # of dimensions that are not in mm
+GROUND, STAGE, LINK = "ground", "stage", "link"
+ASSUMED_STACK = "AE0505D16"
+
+
+class PartNames(NamedTuple):
+    """Names of all found bodies and hinges by their index, in the written file."""
+
+    bodies: list[str]
+    hinges: list[str]
+
+
+class WrittenMechanism(NamedTuple):
+    """The text of a mechanism file, the names of the parts in it, and the hinges as it states them."""
+
+    text: str
+    names: PartNames
+    joints: list[Joint]
+
+
+class Heading(NamedTuple):
+    """What a file states about the whole plate: its name, thickness, mm, material, and sources by key path."""
+
+    name: str
+    thickness: float
+    material: str
+    sources: Mapping[str, str]
+
+
+def joint_of(hinge: FoundHinge, name: str = "") -> Joint:
+    """Return a found hinge as a hinge of a layout, which cuts nothing from its bodies."""
+    sizes = {key: math.radians(value) if key == "angle" else value for key, value in hinge.dimensions.items()}
+    given = {**sizes, "table": hinge.table} if hinge.table else sizes
+    return Joint(name, hinge.bodies, hinge.place, hinge.heading, profile_of(hinge.shape, given), 0.0)
+
+
+def written(found: FoundPlate, roles: Roles, heading: Heading) -> WrittenMechanism:
+    """Return the mechanism file of a plate. Raises BadInput for a clamped edge that is a fillet."""
+    return _Writer(found, roles, heading).written()
+
+
+class _Writer:
+    """The parts of a file and the text of it."""
+
+    def __init__(self, found: FoundPlate, roles: Roles, heading: Heading) -> None:
+        self.found, self.roles, self.heading = found, roles, heading
+        depths = _depths(found, roles)
+        hinges = [_outwards(hinge, depths) for hinge in found.hinges]
+        self.groups = equal_hinges(hinges)
+        self.prefixes = _prefixes(self.groups)
+        self.group_of = {member: k for k, group in enumerate(self.groups) for member in group.members}
+        shapes = [_shape(body, k, roles) for k, body in enumerate(found.bodies)]
+        self.copies = find_copies(hinges, self.groups, shapes, _rounded_point)
+        self.hinges = self._placed(hinges)
+        self.joints = [joint_of(hinge) for hinge in self.hinges]
+        copied_bodies = {k for each in self.copies for images, _ in each.images for k in images.values()}
+        copied_hinges = {k for each in self.copies for _, images in each.images for k in images.values()}
+        self.bodies = [k for k in range(len(found.bodies)) if k not in copied_bodies]
+        self.originals = [k for k in range(len(hinges)) if k not in copied_hinges]
+        self.names = self._named()
+
+    def _placed(self, hinges: Sequence[FoundHinge]) -> list[FoundHinge]:
+        """Return the hinges as the file states them: rounded, and copies as moved ones."""
+        placed = [_rounded(hinge, self.groups[self.group_of[k]]) for k, hinge in enumerate(hinges)]
+        for copies in self.copies:
+            for move, (bodies, images) in zip(copies.moves, copies.images, strict=True):
+                for original, copy in images.items():
+                    placed[copy] = _moved(placed[original], move, bodies)
+        return placed
+
+    def _named(self) -> PartNames:
+        """Return the names of all parts, those of copies as `[[copy]]` gives them."""
+        bodies = dict(zip(self.bodies, self._body_names(), strict=True))
+        hinges = dict(zip(self.originals, self._hinge_names(), strict=True))
+        roots = {("body", k): name for k, name in bodies.items()}
+        roots |= {("hinge", k): name for k, name in hinges.items()}
+        order = [("body", k) for k in self.bodies] + [("hinge", k) for k in self.originals]
+        counts = Counter(dict.fromkeys(roots.values(), 1))
+        for copies in self.copies:
+            copied = {("body", k) for k in copies.bodies} | {("hinge", k) for k in copies.hinges}
+            for of_bodies, of_hinges in copies.images:
+                for part in [each for each in order if each in copied]:
+                    kind, index = part
+                    image = (kind, of_bodies[index] if kind == "body" else of_hinges[index])
+                    roots[image] = root = roots[part]
+                    counts[root] += 1
+                    named = bodies if kind == "body" else hinges
+                    named[image[1]] = f"{root} {counts[root]}"
+                    order.append(image)
+        return PartNames([bodies[k] for k in sorted(bodies)], [hinges[k] for k in sorted(hinges)])
+
+    def _body_names(self) -> list[str]:
+        """Return the names of the bodies that the file describes."""
+        fixed = [k for k in self.bodies if k in self.roles.fixed]
+        links = [k for k in self.bodies if k not in self.roles.fixed and k != self.roles.output]
+        named = dict(zip(fixed, _lettered(GROUND, len(fixed)), strict=True))
+        named |= dict(zip(links, _lettered(LINK, len(links)), strict=True))
+        named[self.roles.output] = STAGE
+        return [named[k] for k in self.bodies]
+
+    def _hinge_names(self) -> list[str]:
+        """Return the names of the hinges that the file describes."""
+        named = dict[int, str]()
+        for group, prefix in zip(self.groups, self.prefixes, strict=True):
+            members = [k for k in self.originals if k in group.members]
+            root = f"{_singular(group.shape)} {prefix.removesuffix('_').rpartition('_')[2]}".strip()
+            alone = not prefix or not root[-1].isdigit()
+            root = _singular(group.shape) if alone else root
+            named |= dict(zip(members, _lettered(root, len(members)), strict=True))
+        return [named[k] for k in self.originals]
+
+    def written(self) -> WrittenMechanism:
+        """Return the file."""
+        parts = [self._start(), self._parameters(), *map(self._body, self.bodies), *map(self._hinge, self.originals)]
+        parts += [*map(self._copy, self.copies), *self._actuators(), self._output(), self._provenance()]
+        text = "\n\n".join(part for part in parts if part) + "\n"
+        return WrittenMechanism(text, self.names, self.joints)
+
+    def _start(self) -> str:
+        drawing = self.found.drawing.path.name
+        bodies, hinges = len(self.found.bodies), len(self.found.hinges)
+        lines = [f"# Read from {drawing}: {_counted(bodies, 'body', 'bodies')}, {_counted(hinges, 'hinge', 'hinges')}."]
+        lines.append("# Points are x, y in mm as in the drawing. `flexfem schema mechanism` explains every key.")
+        if self._has_parameters():
+            lines.append("# Equal hinges share their dimensions in [parameters]: a change there changes all of them, and the")
+            lines.append("# edges of bodies follow, because their corners are expressions of the parameters (without units).")
+        lines += ["", f"name = {as_toml(self.heading.name)}"]
+        lines.append(f"thickness_mm = {number_text(decimal(self.heading.thickness))}")
+        lines += ["", "[material]", f"name = {as_toml(self.heading.material)}"]
+        return "\n".join(lines)
+
+    def _has_parameters(self) -> bool:
+        return any(group.dimensions for group in self.groups)
+
+    def _parameters(self) -> str:
+        if not self._has_parameters():
+            return ""
+        lines = ["[parameters]"]
+        for group, prefix in zip(self.groups, self.prefixes, strict=True):
+            count = len(group.members)
+            whose = f"of {_counted(count, _singular(group.shape), PLURALS[group.shape])}"
+            for k, (key, value) in enumerate(_stated(group).items()):
+                line = f"{prefix}{key}_{UNITS.get(key, 'mm')} = {number_text(value)}"
+                lines.append(f"{line:<41} # {whose}" if k == 0 else line)
+        return "\n".join(lines)
+
+    def _body(self, index: int) -> str:
+        body = self.found.bodies[index]
+        lines = ["[[body]]", f"name = {as_toml(self.names.bodies[index])}"]
+        if index in self.roles.fixed:
+            lines.append("fixed = true")
+        circle = circle_of(body.outside)
+        if circle is not None:
+            lines += _disc(*circle)
+        else:
+            vertices = vertices_of(body.outside, hinge_ends(self.joints, index))
+            lines += _corners(outline_rows(vertices, self._sizes()))
+            if index in self.roles.clamped:
+                lines.append(f"clamped_edges = {self._clamped(vertices, index)}")
+        for hole in body.holes:
+            lines += ["", "[[body.holes]]"]
+            circle = circle_of(hole)
+            lines += _disc(*circle) if circle is not None else _corners(self._hole(hole, index))
+        return "\n".join(lines)
+
+    def _hole(self, hole: Sequence[Segment], body: int) -> list[list[float | str]]:
+        return outline_rows(vertices_of(hole, hinge_ends(self.joints, body)), self._sizes())
+
+    def _clamped(self, vertices: Sequence[Vertex], body: int) -> list[int]:
+        """Return the edges of the written outline on which the clamped segments lie."""
+        segments = self.roles.clamped[body]
+        edges = [k + 1 for k, vertex in enumerate(vertices) if set(segments) & set(vertex.after.segments)]
+        if not edges:
+            place = complex(self.found.bodies[body].outside[segments[0]].at(0.5))
+            raise BadInput(
+                f"ground {place.real:.6g},{place.imag:.6g}: this is a fillet, expected a point on an edge, or in a body"
+            )
+        return edges
+
+    def _sizes(self) -> list[HingeSize]:
+        """Return length and height of the ends of all hinges as sums of parameters."""
+        return [
+            _size(self.groups[self.group_of[k]], self.prefixes[self.group_of[k]]) for k in range(len(self.hinges))
+        ]
+
+    def _hinge(self, index: int) -> str:
+        hinge, group = self.hinges[index], self.groups[self.group_of[index]]
+        prefix = self.prefixes[self.group_of[index]]
+        between = [self.names.bodies[body] for body in hinge.bodies]
+        lines = ["[[hinge]]", f"name = {as_toml(self.names.hinges[index])}", f"between = {as_toml(between)}"]
+        lines.append(f"at_mm = {row_text([hinge.place.real, hinge.place.imag])}")
+        lines.append(f"direction_deg = {number_text(_degrees(hinge.heading))}")
+        lines.append(f'shape = "{hinge.shape}"')
+        lines += [f'{key}_{UNITS.get(key, "mm")} = "{prefix}{key}"' for key in group.dimensions]
+        if hinge.table:
+            rows = [[decimal(part) for part in row] for row in hinge.table]
+            lines.append(f"table_mm = {_rows(rows)}")
+        return "\n".join(lines)
+
+    def _copy(self, copies: CopiedParts) -> str:
+        names = [self.names.bodies[k] for k in copies.bodies] + [self.names.hinges[k] for k in copies.hinges]
+        lines = ["[[copy]]", f"parts = {as_toml(names)}"]
+        if copies.mirror is not None:
+            first, second = (row_text([decimal(z.real), decimal(z.imag)]) for z in copies.mirror)
+            lines.append(f"mirror_mm = [{first}, {second}]")
+        else:
+            lines.append(f"count = {copies.count}")
+            lines.append(f"about_mm = {row_text([copies.about.real, copies.about.imag])}")
+        return "\n".join(lines)
+
+    def _actuators(self) -> Iterator[str]:
+        for pushed, name in zip(self.roles.actuators, _lettered("drive", len(self.roles.actuators)), strict=True):
+            between = [GROUND if body < 0 else self.names.bodies[body] for body in pushed.bodies]
+            points = ", ".join(row_text([decimal(z.real), decimal(z.imag)]) for z in pushed.points)
+            lines = ["[[actuator]]", f'name = "{name}"', f"between = {as_toml(between)}", f"at_mm = [{points}]"]
+            lines.append(f"stack = {as_toml(pushed.stack or ASSUMED_STACK)}")
+            yield "\n".join(lines)
+
+    def _output(self) -> str:
+        at = row_text([decimal(self.roles.at.real), decimal(self.roles.at.imag)])
+        return f"[output]\nbody = {as_toml(STAGE)}\nat_mm = {at}"
+
+    def _provenance(self) -> str:
+        read = f"read from {self.found.drawing.path.name}"
+        sources = {**self.heading.sources, "body": read}
+        if self._has_parameters():
+            sources["parameters"] = read
+        if self.found.hinges:
+            sources["hinge"] = read
+        if self.copies:
+            sources["copy"] = read
+        for k, index in enumerate(self.bodies):
+            key = "fixed" if index in self.roles.fixed else "clamped_edges" if index in self.roles.clamped else ""
+            if key:
+                about = self.names.bodies[index]
+                sources[f"body.{about}.{key}" if about.isidentifier() else f"body[{k}].{key}"] = self.roles.sources[
+                    "ground"
+                ]
+        sources["output"] = self.roles.sources["output"]
+        for k, pushed in enumerate(self.roles.actuators):
+            name = _lettered("drive", len(self.roles.actuators))[k]
+            key = f"actuator.{name}" if name.isidentifier() else f"actuator[{k}]"
+            sources[key] = "stated with the import"
+            if not pushed.stack:
+                sources[f"{key}.stack"] = "assumed: no stack was stated"
+        return "\n".join(["[provenance]", *(f"{as_toml(key)} = {as_toml(text)}" for key, text in sources.items())])
+
+
+def _depths(found: FoundPlate, roles: Roles) -> list[int]:
+    """Return the number of hinges between the ground and each body."""
+    depths = [0 if k in roles.fixed or k in roles.clamped else len(found.bodies) for k in range(len(found.bodies))]
+    for _ in found.bodies:
+        for hinge in found.hinges:
+            first, second = hinge.bodies
+            depths[first] = min(depths[first], depths[second] + 1)
+            depths[second] = min(depths[second], depths[first] + 1)
+    return depths
+
+
+def _outwards(hinge: FoundHinge, depths: Sequence[int]) -> FoundHinge:
+    """Return a hinge whose first body is the one nearer to the ground."""
+    first, second = hinge.bodies
+    if (depths[first], first) <= (depths[second], second):
+        return hinge
+    rows = tuple((-row[0], *row[1:]) for row in reversed(hinge.table))
+    return hinge._replace(bodies=(second, first), heading=hinge.heading + math.pi, table=rows)
+
+
+def _shape(body: FoundBody, index: int, roles: Roles) -> PartShape:
+    role = "fixed" if index in roles.fixed else "moves"
+    loops = (body.outside, *body.holes)
+    vertices = [vertex for loop in loops for vertex in vertices_of(loop, ())]
+    plain = [[Segment(each.after.start, each.after.end, each.after.centre) for each in vertices]]
+    return shape_of(plain, None if index == roles.output or index in roles.clamped else role)
+
+
+def _rounded(hinge: FoundHinge, group: EqualHinges) -> FoundHinge:
+    """Return a hinge with the dimensions of its group, and its place and direction as they are written."""
+    reach = max(abs(joint_of(hinge).profile.length), joint_of(hinge).profile.end_height) / 2
+    degrees = math.degrees(hinge.heading)
+    heading = round(degrees, 4) if math.radians(abs(round(degrees, 4) - degrees)) * reach <= SNAP else degrees
+    return hinge._replace(
+        place=_rounded_point(hinge.place), heading=math.radians(_degrees(math.radians(heading))), dimensions=_stated(group)
+    )
+
+
+def _rounded_point(point: complex) -> complex:
+    return complex(decimal(point.real), decimal(point.imag))
+
+
+def _degrees(heading: float) -> float:
+    """Return a direction in degrees, above -180 up to 180, as it is written."""
+    degrees = round(math.degrees(cmath.phase(cmath.exp(1j * heading))), 9)
+    return 180.0 if degrees == -180 else degrees + 0.0
+
+
+def _stated(group: EqualHinges) -> dict[str, float]:
+    return {key: decimal(value) for key, value in group.dimensions.items()}
+
+
+def _moved(hinge: FoundHinge, move: Move, bodies: Mapping[int, int]) -> FoundHinge:
+    ends = (bodies.get(hinge.bodies[0], hinge.bodies[0]), bodies.get(hinge.bodies[1], hinge.bodies[1]))
+    return hinge._replace(bodies=ends, place=move(hinge.place), heading=move.heading(hinge.heading))
+
+
+def _size(group: EqualHinges, prefix: str) -> HingeSize:
+    """Return length and height of the ends of hinges as sums of their parameters."""
+    sizes = _stated(group)
+
+    def term(times: float, key: str, text: str = "{}", factor: float = 1.0) -> Term:
+        return Term(times, text.format(f"{prefix}{key}"), factor * sizes[key])
+
+    match group.shape:
+        case "leaf" | "filleted":
+            fillet = (term(2, "fillet"),) if "fillet" in sizes else ()
+            return HingeSize((term(1, "length"),), (term(1, "neck"), *fillet))
+        case "circular":
+            return HingeSize((term(2, "radius"),), (term(1, "neck"), term(2, "radius")))
+        case "elliptical" | "parabolic":
+            return HingeSize((term(1, "length"),), (term(1, "neck"), term(2, "depth")))
+        case "v":
+            half, angle = math.radians(sizes["angle"]) / 2, f"{prefix}angle / 2"
+            slope = f"{{}} * tan({angle})"
+            length = (
+                term(2, "depth", slope, math.tan(half)),
+                term(2, "root_radius", f"{{}} / cos({angle})", 1 / math.cos(half)),
+                term(-2, "root_radius", slope, math.tan(half)),
+            )
+            return HingeSize(length, (term(1, "neck"), term(2, "depth")))
+    return HingeSize()
+
+
+def _prefixes(groups: Sequence[EqualHinges]) -> list[str]:
+    """Return what the names of the parameters of each group begin with."""
+    stated = [group for group in groups if group.dimensions]
+    if len(stated) < 2:
+        return [""] * len(groups)
+    counts, found = Counter(group.shape for group in groups), list[str]()
+    seen = Counter[str]()
+    for group in groups:
+        seen[group.shape] += 1
+        number = f"_{seen[group.shape]}" if counts[group.shape] > 1 else ""
+        found.append(f"{_singular(group.shape)}{number}_")
+    return found
+
+
+def _singular(shape: str) -> str:
+    return SINGULARS.get(shape, shape)
+
+
+def _lettered(root: str, count: int) -> list[str]:
+    """Return names for parts of a kind: one keeps the name, of several each has a letter."""
+    if count == 1:
+        return [root]
+    joint = "" if root[-1].isdigit() else " "
+    return [f"{root}{joint}{_letters(k)}" for k in range(count)]
+
+
+def _letters(index: int) -> str:
+    """Return a, b, ... z, aa, ab, ..."""
+    text = chr(ord("a") + index % 26)
+    return text if index < 26 else _letters(index // 26 - 1) + text
+
+
+def _counted(count: int, one: str, many: str) -> str:
+    return f"{count} {one if count == 1 else many}"
+
+
+def _disc(centre: complex, radius: float) -> list[str]:
+    at = row_text([decimal(centre.real), decimal(centre.imag)])
+    return [f"centre_mm = {at}", f"radius_mm = {number_text(decimal(radius))}"]
+
+
+def _corners(rows: Sequence[Sequence[float | str]]) -> list[str]:
+    return [f"outline_mm = {_rows(rows)}"]
+
+
+def _rows(rows: Sequence[Sequence[float | str]]) -> str:
+    texts = [row_text(row) for row in rows]
+    if sum(len(text) + 2 for text in texts) < WIDE:
+        return f"[{', '.join(texts)}]"
+    return "\n".join(["[", *(f"    {text}," for text in texts), "]"])
