@@ -9,6 +9,7 @@
     found = flexfem.budget(thin)                       # the record that `flexfem budget` prints; so for every command
     flexfem.plot.plot_budget(ax, found, "x")           # on axes of one's own; so for every result
     flexfem.export(thin, "part.dxf", kerf=0.3)         # the part for the workshop, also .step and .svg
+    flexfem.import_drawing("part.dxf", "mine.toml", reading=flexfem.Reading(thickness=10.0, material="al-7075-t6"))
     flexfem.run_study("cases/study-reach.toml")        # many designs; flexfem.study.table(path) for pandas
 
 Arguments are in mm, N, MPa and rad, vectors x, y, theta. Numbers of a result have the units of its tables, which
@@ -22,9 +23,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.cad import export as export
+    from flexfem.importing.drawings import Reading as Reading
+    from flexfem.importing.drawings import import_drawing as import_drawing
+    from flexfem.importing.drawings import load as load
     from flexfem.mechanism.materials import Material as Material
     from flexfem.mechanism.mechanism import Mechanism as Mechanism
-    from flexfem.mechanism.mechanism import load as load
     from flexfem.mechanism.stage import Stage as Stage
     from flexfem.models import analyse as analyse
     from flexfem.models import errors as errors

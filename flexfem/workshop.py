@@ -7,15 +7,18 @@ import shlex
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexfem import arguments
 from flexfem.arrays import brief
 from flexfem.files.refusals import checked_path, nearest, place_of, shown
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
+from flexfem.importing.departure import drawn_polygon
+from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, require_no_reading
 from flexfem.mechanism.bodies import stage_layout
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import clashes
 from flexfem.mechanism.plate_file import located, of_stage
@@ -23,6 +26,9 @@ from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.mechanism.unfinished import read_drawable
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, read_data
+
+if TYPE_CHECKING:
+    from flexfem.plot.plate import Recognised
 
 MECHANISMS = tuple(file.stem.removeprefix("mechanism-") for file in sorted((PACKAGE / "data").glob("mechanism-*.toml")))
 
@@ -98,18 +104,21 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
     )
 
 
-def view(file: Path, *, output: Path | None = None) -> View:
+def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READING) -> View:
     """Draw a mechanism, or a stage with its dimensions, in a window if possible.
 
-    Of an unfinished mechanism file it draws what there is, and names what is missing.
+    Of an unfinished mechanism file it draws what there is, and names what is missing. Of a drawing it shows the bodies
+    and hinges that were recognised over the drawing, and in red thin parts that are no hinges.
 
     Parameters
     ----------
     file : path
-        Stage or mechanism file.
+        Stage or mechanism file, or a drawing.
     output : path, optional
         Folder of the picture, or its file, .png, .pdf or .svg; default: a window if there is a display, otherwise the
         current folder.
+    reading : Reading
+        Of a drawing: its thickness, material, ground, output and so on.
 
     Raises
     ------
@@ -127,8 +136,7 @@ def view(file: Path, *, output: Path | None = None) -> View:
     picture = target if target is not None and target.suffix in PICTURES and not target.is_dir() else None
     if picture is not None:
         check_file(picture, source)
-    of_mechanism = kind_of(read_toml(source).data) == Mechanism.kind
-    plate, layout, missing = read_drawable(source) if of_mechanism else (load_stage(source), None, list[str]())
+    plate, layout, missing, recognised = _drawable(source, reading)
     refused, clashing = None, list[Any]()
     try:
         if plate.origin.path is not None:  # of an unfinished file only parts are read
@@ -137,8 +145,8 @@ def view(file: Path, *, output: Path | None = None) -> View:
         if refusal.reason not in missing:
             layout = stage_layout(plate, refuse=False) if isinstance(plate, Stage) else plate.layout
             refused, clashing = refusal, clashes(layout, refusal)
-    page = partial(drawing_figure, plate, layout, missing=missing)
-    plot = partial(plot_plate, plate=plate, layout=layout)
+    page = partial(drawing_figure, plate, layout, missing=missing, recognised=recognised)
+    plot = partial(plot_plate, plate=plate, layout=layout, recognised=recognised)
     mark = partial(mark_clashes, refusal=refused, clashes=clashing)
     window, written = target is None and show_window(lambda ax: mark(plot(ax)), plate.name), list[Path]()
     if picture is not None:
@@ -155,6 +163,27 @@ def view(file: Path, *, output: Path | None = None) -> View:
     if missing:
         about |= {"file": str(source)}
     return View(**about, written=list(map(str, written)), window=window, missing=missing)
+
+
+class _Drawable(NamedTuple):
+    """What can be drawn of a file: the plate, its layout, what is missing, and what was recognised in a drawing."""
+
+    plate: Stage | Mechanism
+    layout: Layout | None
+    missing: list[str]
+    recognised: Recognised | None
+
+
+def _drawable(source: Path, reading: Reading) -> _Drawable:
+    from flexfem.plot.plate import Recognised
+
+    if is_drawing(source):
+        plate = imported(source, reading)
+        return _Drawable(plate.mechanism, None, [], Recognised(drawn_polygon(plate.found.drawing), plate.found.slender))
+    require_no_reading(source, reading)
+    if kind_of(read_toml(source).data) == Mechanism.kind:
+        return _Drawable(*read_drawable(source), None)
+    return _Drawable(load_stage(source), None, [], None)
 
 
 class MeshReport(NamedTuple):

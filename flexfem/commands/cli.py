@@ -34,7 +34,7 @@ from flexfem.study import MOST_WORKERS
 from flexfem.units import DIRECTIONS, FORCES, POSES, UNITS, in_unit
 
 GROUPS = {
-    "Start": ("new", "check", "view", "summary"),
+    "Start": ("new", "import", "check", "view", "summary"),
     "Stiffness and hinges": ("stiffness", "buckling", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("drive", "reach", "large"),
@@ -62,7 +62,13 @@ STUDY = {  # commands of `flexfem study`, with their functions
 }
 HAND_WRITTEN = ("study", "design")  # the other commands are made from the functions in MADE
 MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in group if name not in HAND_WRITTEN}
-MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
+MADE |= {
+    "new": "new_stage",
+    "import": "import_drawing",
+    "formulas": "hinge_formulas",
+    "verify": "verification",
+    "plot": "plot_results",
+}
 ON_DASK = "Solve finite elements on a Dask cluster: host:port of its scheduler, or its scheduler file."
 PYTHON_ONLY = ("executor", "law", "progress")  # parameters without an option
 TYPES: dict[str, Any] = {  # of parameters, for typer
@@ -79,9 +85,10 @@ MEASURED = {  # units of plain numbers of options, by direction for a vector
     "force_out_of_plane": (UNITS["n"], UNITS["n_mm"], UNITS["n_mm"]),
     "tilting": (UNITS["kg_mm2"],),
     "angle": (UNITS["deg"],),
-    **dict.fromkeys(("kerf", "holes"), (UNITS["mm"],)),
+    **dict.fromkeys(("kerf", "holes", "thickness", "tolerance"), (UNITS["mm"],)),
 }
-STAGE = {"stage": "Stage or mechanism file, see flexfem schema stage and flexfem schema mechanism."}
+STAGE = {"stage": "Stage or mechanism file, see flexfem schema stage and flexfem schema mechanism, or a drawing."}
+SHOWN = ("thickness", "material")  # options of drawings in the help of every command; import lists them all
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer bundles click, or uses the installed one
 CLOSED_PIPE = 141  # 128 + SIGPIPE, the exit code of a program that does not handle that signal
 ABOUT = "Verification and design of planar flexure mechanisms."
@@ -232,11 +239,13 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
         if name in PYTHON_ONLY:
             continue
         if hasattr(hint, "_fields"):
-            fields = parameters(hint.__doc__)
-            for field, annotation in get_type_hints(hint).items():
-                yield _parameter(field, _option(field, annotation, fields[field]), hint._field_defaults[field])
+            yield from _of_record(hint, function)
+        elif name == "stage":
+            yield _parameter(name, Annotated[hint, typer.Argument(help=texts[name], metavar="STAGE")], default)
+            yield from _of_record(flexfem.Reading, function)
         elif name == "output":
-            option = typer.Option("--output", "-o", help=texts[name])  # a folder or a file, which the function checks
+            long = "--to" if function.__name__ == "import_drawing" else "--output"
+            option = typer.Option(long, "-o", help=texts[name])  # a folder or a file, which the function checks
             yield _parameter(name, Annotated[hint, option], default)
         elif parameter.kind is parameter.KEYWORD_ONLY:
             yield _parameter(name, _option(name, hint, texts[name]), default)
@@ -246,7 +255,19 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
             yield _parameter(name, Annotated[hint, typer.Argument(help=texts[name], metavar=metavar)], default)
 
 
-def _option(name: str, hint: Any, text: str) -> Any:
+def _of_record(kind: Any, function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
+    """Yield the fields of a named tuple as options, without those that the function has itself."""
+    texts, own = parameters(kind.__doc__), inspect.signature(function).parameters
+    imports = function.__name__ == "import_drawing"
+    for field, annotation in get_type_hints(kind).items():
+        if field not in own:
+            hidden = kind is flexfem.Reading and field not in SHOWN and not imports
+            flags = ("--output",) if field == "output_at" and imports else ()
+            option = _option(field, annotation, texts[field], *flags, hidden=hidden)
+            yield _parameter(field, option, kind._field_defaults[field])
+
+
+def _option(name: str, hint: Any, text: str, *flags: str, hidden: bool = False) -> Any:
     """Return the annotation of an option; its numbers may have units of their own where `MEASURED` has the option."""
     more, count = dict[str, Any](), str(hint).count("float")
     if count and name in MEASURED:
@@ -266,7 +287,7 @@ def _option(name: str, hint: Any, text: str) -> Any:
 
         hint = str if count == 1 else tuple[(str,) * count]  # type: ignore[misc]
         more = {"callback": numbers, "metavar": ", ".join(unit.plain for unit in units)}
-    return Annotated[hint, typer.Option(f"--{name.replace('_', '-')}", help=text, **more)]
+    return Annotated[hint, typer.Option(f"--{name.replace('_', '-')}", *flags, help=text, hidden=hidden, **more)]
 
 
 def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
@@ -275,15 +296,14 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> tuple[Any, str]:
     """Call a function with the options of its command; return its result and the stem of its files."""
-    from flexfem.mechanism.mechanism import load
-
     hints, arguments, positional, stem = get_type_hints(function), dict[str, Any](), list[Any](), name
     for parameter in inspect.signature(function).parameters.values():
         hint = hints[parameter.name]
         if parameter.name == "stage":
-            arguments["stage"], stem = load(given["stage"]), f"{given['stage'].stem}-{name}"
+            arguments["stage"] = flexfem.load(given["stage"], _record(flexfem.Reading, function, given))
+            stem = f"{given['stage'].stem}-{name}"
         elif hasattr(hint, "_fields"):
-            arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})
+            arguments[parameter.name] = _record(hint, function, given)
         elif parameter.kind is parameter.VAR_POSITIONAL:
             positional = given[parameter.name]
         elif parameter.name not in PYTHON_ONLY:
@@ -296,6 +316,15 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
     pause = streams.EVERY if name in STUDY else 0.0
     with streams.working("study" if pause else name, pause) if "progress" in hints else nullcontext() as say:
         return function(*positional, **arguments, **({} if say is None else {"progress": say})), stem
+
+
+def _record(kind: Any, function: Callable[..., Any], given: dict[str, Any]) -> Any:
+    """Return a named tuple of options. An --output X,Y is the point of the output of a drawing, as of import."""
+    own = inspect.signature(function).parameters
+    fields = {field: given[field] for field in kind._fields if field not in own}
+    if kind is flexfem.Reading and re.fullmatch(r"[-+\d.e ]+,[-+\d.e ]+", str(given.get("output"))):
+        fields["output_at"], given["output"] = str(given["output"]), None
+    return kind(**fields)
 
 
 def _check_size(name: str, motion: Any, plate: Any) -> None:

@@ -34,6 +34,7 @@ from flexfem.files.refusals import (
 from flexfem.refused import BadInput
 
 MAX_BYTES = 2**20
+DRAWINGS = (".dxf", ".step", ".stp", ".svg")  # files that are no TOML, and that many commands take instead of it
 MAX_DEPTH = 32  # brackets around a value, parts of a dotted key; shipped files have at most four
 DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}  # of Windows
 _STRING = r"""
@@ -152,6 +153,9 @@ def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
 
 def read_toml(path: PathLike) -> TomlFile:
     """Read a TOML file of at most `MAX_BYTES`, nested at most `MAX_DEPTH` deep. Raises BadInput for any other file."""
+    if PurePath(path).suffix.lower() in DRAWINGS:
+        made = "which flexfem import makes of a drawing"
+        raise BadInput(f"{place_of(path)}: this is a drawing, expected a TOML file, {made}")
     text = read_text(path)
     try:
         return TomlFile(text)

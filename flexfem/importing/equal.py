@@ -66,20 +66,20 @@ def _are_equal(one: FoundHinge, other: FoundHinge) -> bool:
 class PartShape(NamedTuple):
     """What decides whether a body is a copy of another.
 
-    points : (n,), corners of its loops and middles of their sides.   role : such as "fixed"; None for the output, which
-    is no copy.
+    points : (n,), corners of its loops and middles of their sides.   clamped : (m,), middles of its clamped edges.
+    role : such as "fixed"; None for the output, which is no copy.
     """
 
     points: AnyArray
+    clamped: AnyArray
     role: str | None
 
 
-def shape_of(loops: Sequence[Sequence[Segment]], role: str | None) -> PartShape:
-    """Return the shape of a body of given loops."""
-    segments = [segment for loop in loops for segment in loop]
-    corners = [segment.start for segment in segments]
-    middles = [complex(segment.at(0.5)) for segment in segments]
-    return PartShape(np.array(corners + middles), role)
+def shape_of(sides: Sequence[Segment], clamped: Sequence[int], role: str | None) -> PartShape:
+    """Return the shape of a body from its sides, of which some are clamped."""
+    corners = [side.start for side in sides]
+    middles = [complex(side.at(0.5)) for side in sides]
+    return PartShape(np.array(corners + middles), np.array([middles[k] for k in clamped]), role)
 
 
 class CopiedParts(NamedTuple):
@@ -183,7 +183,8 @@ class _Parts:
         for _, k in _frequent(list(keys)):
             axis = complex(1j * across[k])
             foot = rounded(complex(level[k] * across[k]))
-            axis = min((1, 1j), key=lambda unit: abs(unit - axis)) if _is_square(axis) else axis
+            if _is_square(axis):
+                axis = 1 + 0j if abs(axis.real) > abs(axis.imag) else 1j
             yield _Mirror(foot, foot + axis)
         for _, k in _frequent([(round(z.real, 3), round(z.imag, 3)) for z in middle.tolist()]):
             yield _Rotation(rounded(complex(middle[k])), 2)
@@ -218,7 +219,7 @@ class _Parts:
             points = move(self.shapes[body].points)
             near = np.flatnonzero(np.abs(self.centres - points.mean()) <= EQUAL)
             for other in near.tolist():
-                if other in bodies and self._same_body(body, other, points):
+                if other in bodies and self._same_body(body, other, move):
                     of_bodies[body] = other
         if self.tree is None:
             return of_bodies, of_hinges
@@ -229,11 +230,15 @@ class _Parts:
                 of_hinges[hinge] = other
         return of_bodies, of_hinges
 
-    def _same_body(self, one: int, other: int, moved: AnyArray) -> bool:
-        role = self.shapes[one].role
-        if role is None or role != self.shapes[other].role or len(moved) != len(self.shapes[other].points):
+    def _same_body(self, one: int, other: int, move: Move) -> bool:
+        shape, target = self.shapes[one], self.shapes[other]
+        if shape.role is None or shape.role != target.role:
             return False
-        return bool(np.max(self.trees[other].query(_columns(moved))[0]) <= EQUAL)
+        if len(shape.points) != len(target.points) or len(shape.clamped) != len(target.clamped):
+            return False
+        gaps = self.trees[other].query(_columns(move(shape.points)))[0]
+        apart = np.abs(move(shape.clamped)[:, None] - target.clamped).min(axis=1, initial=np.inf)
+        return bool(np.max(gaps) <= EQUAL and np.all(apart <= EQUAL))
 
     def _same_axis(self, one: int, other: int, move: Move) -> bool:
         """Whether the axis of a hinge becomes that of another; the profile is symmetric, so that its sense is free."""

@@ -51,12 +51,13 @@ class Wishes(NamedTuple):
     """What the user states about the parts of a drawing; points in mm.
 
     ground : points of bodies that are rigid ground, or on edges at which an elastic body is clamped.
-    output : point of the output.   clamp_holes : whether bodies with round holes are ground.
+    output : point of the body that is the output.   pose : point at which its pose is read.   clamp_holes : whether bodies with round holes are ground.
     actuators : pairs of points and the stack between them, "" for an assumed one.
     """
 
     ground: tuple[complex, ...] = ()
     output: complex | None = None
+    pose: complex | None = None
     clamp_holes: bool = False
     actuators: tuple[tuple[complex, complex, str], ...] = ()
 
@@ -177,7 +178,8 @@ class _Assignment:
             raise BadInput(f"{self.place}: every body is ground, expected one that moves")
         if self.wishes.output is not None:
             self.sources["output"] = "stated with the import"
-            return self._stated_output(self.wishes.output, moving), self.wishes.output
+            pose = self.wishes.output if self.wishes.pose is None else self.wishes.pose
+            return self._stated_output(self.wishes.output, moving), pose
         for mark in self.found.drawing.marks:
             if OUTPUT_LAYERS.search(mark.layer):
                 body = self._body_of(mark.points)

@@ -98,7 +98,8 @@ class _Writer:
         self.joints = [joint_of(hinge) for hinge in self.hinges]
         copied_bodies = {k for each in self.copies for images, _ in each.images for k in images.values()}
         copied_hinges = {k for each in self.copies for _, images in each.images for k in images.values()}
-        self.bodies = [k for k in range(len(found.bodies)) if k not in copied_bodies]
+        kept = [k for k in range(len(found.bodies)) if k not in copied_bodies]
+        self.bodies = sorted(kept, key=lambda k: (k not in roles.fixed, k != roles.output))
         self.originals = [k for k in range(len(hinges)) if k not in copied_hinges]
         self.names = self._named()
 
@@ -165,8 +166,12 @@ class _Writer:
         lines = [f"# Read from {drawing}: {_counted(bodies, 'body', 'bodies')}, {_counted(hinges, 'hinge', 'hinges')}."]
         lines.append("# Points are x, y in mm as in the drawing. `flexfem schema mechanism` explains every key.")
         if self._has_parameters():
-            lines.append("# Equal hinges share their dimensions in [parameters]: a change there changes all of them, and the")
-            lines.append("# edges of bodies follow, because their corners are expressions of the parameters (without units).")
+            lines.append(
+                "# Equal hinges share their dimensions in [parameters]: a change there changes all of them, and the"
+            )
+            lines.append(
+                "# edges of bodies follow, because their corners are expressions of the parameters (without units)."
+            )
         lines += ["", f"name = {as_toml(self.heading.name)}"]
         lines.append(f"thickness_mm = {number_text(decimal(self.heading.thickness))}")
         lines += ["", "[material]", f"name = {as_toml(self.heading.material)}"]
@@ -222,9 +227,7 @@ class _Writer:
 
     def _sizes(self) -> list[HingeSize]:
         """Return length and height of the ends of all hinges as sums of parameters."""
-        return [
-            _size(self.groups[self.group_of[k]], self.prefixes[self.group_of[k]]) for k in range(len(self.hinges))
-        ]
+        return [_size(self.groups[self.group_of[k]], self.prefixes[self.group_of[k]]) for k in range(len(self.hinges))]
 
     def _hinge(self, index: int) -> str:
         hinge, group = self.hinges[index], self.groups[self.group_of[index]]
@@ -311,10 +314,13 @@ def _outwards(hinge: FoundHinge, depths: Sequence[int]) -> FoundHinge:
 
 def _shape(body: FoundBody, index: int, roles: Roles) -> PartShape:
     role = "fixed" if index in roles.fixed else "moves"
-    loops = (body.outside, *body.holes)
-    vertices = [vertex for loop in loops for vertex in vertices_of(loop, ())]
-    plain = [[Segment(each.after.start, each.after.end, each.after.centre) for each in vertices]]
-    return shape_of(plain, None if index == roles.output or index in roles.clamped else role)
+    sides, clamped = list[Segment](), list[int]()
+    for loop in (body.outside, *body.holes):
+        for vertex in vertices_of(loop, ()):
+            if loop is body.outside and set(vertex.after.segments) & set(roles.clamped.get(index, ())):
+                clamped.append(len(sides))
+            sides.append(Segment(vertex.after.start, vertex.after.end, vertex.after.centre))
+    return shape_of(sides, clamped, None if index == roles.output else role)
 
 
 def _rounded(hinge: FoundHinge, group: EqualHinges) -> FoundHinge:
@@ -323,7 +329,9 @@ def _rounded(hinge: FoundHinge, group: EqualHinges) -> FoundHinge:
     degrees = math.degrees(hinge.heading)
     heading = round(degrees, 4) if math.radians(abs(round(degrees, 4) - degrees)) * reach <= SNAP else degrees
     return hinge._replace(
-        place=_rounded_point(hinge.place), heading=math.radians(_degrees(math.radians(heading))), dimensions=_stated(group)
+        place=_rounded_point(hinge.place),
+        heading=math.radians(_degrees(math.radians(heading))),
+        dimensions=_stated(group),
     )
 
 

@@ -45,6 +45,7 @@ from flexfem.units import DEGREE, LENGTH, STRESS
 
 HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
+DRAWN = "#56B4E9"  # contour of a drawing
 ALONG_EDGE = np.linspace(0, 1, 33)  # points of a clamped edge, per length
 COARSE = 2e-4  # deviation of a drawn polygon, per extent
 CROSS = 0.07  # length of the axes at the output relative to the size
@@ -64,10 +65,25 @@ class Mark(NamedTuple):
     body: Any = None
 
 
-def plot_plate(ax: Axes | None, plate: Stage | Mechanism, *, labels: bool = True, layout: Layout | None = None) -> Axes:
+class Recognised(NamedTuple):
+    """What a mechanism was recognised in: the polygon of a drawing, and thin parts of it that are no hinges."""
+
+    drawn: Any
+    slender: Sequence[Any]
+
+
+def plot_plate(
+    ax: Axes | None,
+    plate: Stage | Mechanism,
+    *,
+    labels: bool = True,
+    layout: Layout | None = None,
+    recognised: Recognised | None = None,
+) -> Axes:
     """Draw a stage or a mechanism to scale, in mm, with a scale bar; return `ax`, or new axes.
 
-    labels : whether to write the dimensions of a stage and the names of the parts of a mechanism, which are placed for
+    recognised : the drawing, whose contour is below the plate and whose thin parts are red; the hinges that the file
+    describes are then labelled with their dimensions.   labels : whether to write the dimensions of a stage and the names of the parts of a mechanism, which are placed for
     the size of `ax` at the time of the call.   layout : parts of a stage that cannot be made, which are named.
     """
     ax, stage = ax or new_axes(), plate if isinstance(plate, Stage) and layout is None else None
@@ -76,6 +92,8 @@ def plot_plate(ax: Axes | None, plate: Stage | Mechanism, *, labels: bool = True
     spans = spans_of(stage, layout, shape) if stage else []
     visible = [contact.point for _, contact in layout.points] + [z.point for a in layout.actuators for z in a.contacts]
     visible += [end for span in spans for end in span.line]
+    if recognised is not None:
+        _draw_recognised(ax, recognised)
     visible += [point.point + CROSS * (1 + 1j) * extent(shape) for _, point in layout.points[:1]]
     size = fit(ax, np.vstack([rim, *map(xy, visible if labels else ())]), 0.07)
     scale_bar(ax)
@@ -86,6 +104,8 @@ def plot_plate(ax: Axes | None, plate: Stage | Mechanism, *, labels: bool = True
     _draw_ports(ax, layout, size, obstacles)
     _draw_spans(ax, spans, obstacles)
     marks = [*_marks(layout)]
+    if recognised is not None and isinstance(plate, Mechanism):
+        marks = [_with_dimensions(mark, plate, layout) for mark in marks]
     if stage:
         marks = [Mark(text, np.array(xy(anchor)), DIMENSION) for text, anchor in labels_of(stage, layout)]
     obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
@@ -146,6 +166,24 @@ def _marks(layout: Layout) -> Iterator[Mark]:
         yield Mark(body.name, shapely.get_coordinates(shapely.point_on_surface(polygon))[0], "#404040", polygon)
 
 
+def _draw_recognised(ax: Axes, recognised: Recognised) -> None:
+    """Draw the contour of a drawing below the plate, and thin parts that are no hinges in red above it."""
+    contour: dict[str, Any] = {"facecolor": "none", "edgecolor": DRAWN, "linewidth": 3.0, "zorder": 2.9}
+    ax.add_patch(PathPatch(_path(recognised.drawn), **contour))
+    for polygon in recognised.slender:
+        _fill(ax, polygon, NOTE_COLOUR, zorder=3.1)
+
+
+def _with_dimensions(mark: Mark, plate: Mechanism, layout: Layout) -> Mark:
+    """Return the label of a hinge that the file describes with its neck and length; any other label as it is."""
+    described = {hinge.name for hinge in plate.hinge}
+    for joint in layout.joints:
+        if mark.body is None and mark.text == joint.name and joint.name in described:
+            size = f"{joint.profile.neck:.6g} x {joint.profile.length:.6g}"
+            return mark._replace(text=f"{joint.name}: {size}")
+    return mark
+
+
 def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> None:
     """Draw hinge centres, points, actuators and payloads; append what labels must avoid."""
     for joint in layout.joints:
@@ -174,8 +212,9 @@ def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> 
     obstacles.append(shapely.LineString([xy(output + 0.09j * size), xy(output), xy(output + 0.09 * size)]))
 
 
-def _fill(ax: Axes, polygon: Any, colour: str, hatch: str = "") -> None:
-    ax.add_patch(PathPatch(_path(polygon), facecolor=colour, edgecolor=HATCH, hatch=hatch, linewidth=0.0, zorder=1.5))
+def _fill(ax: Axes, polygon: Any, colour: str, hatch: str = "", zorder: float = 1.5) -> None:
+    look: dict[str, Any] = {"edgecolor": HATCH, "hatch": hatch, "linewidth": 0.0, "zorder": zorder}
+    ax.add_patch(PathPatch(_path(polygon), facecolor=colour, **look))
 
 
 def _path(shape: Any) -> Path:
@@ -187,12 +226,17 @@ def _path(shape: Any) -> Path:
 
 @in_house_style
 def drawing_figure(
-    plate: Stage | Mechanism, layout: Layout | None = None, small: bool = False, missing: Sequence[str] = ()
+    plate: Stage | Mechanism,
+    layout: Layout | None = None,
+    small: bool = False,
+    missing: Sequence[str] = (),
+    recognised: Recognised | None = None,
 ) -> Figure:
     """Draw a page as `plot_plate`, and in its header data of the plate and the meaning of the marks.
 
     small : as small as the labels allow, so that they are legible on narrow screens.
     missing : what an unfinished file lacks, which the header names instead of the data.
+    recognised : the drawing in which the plate was recognised.
     """
     drawn = layout or plate.layout
     facts = [f"thickness {drawn.thickness:.6g} {LENGTH}", plate.material.name]
@@ -203,6 +247,8 @@ def drawing_figure(
         "blue: actuators": bool(drawn.actuators),
         "disc: the hub, rigid in the models": isinstance(plate, Stage),
         "X, Y: output": bool(drawn.points),
+        "light blue: the drawing": recognised is not None,
+        "red: thin parts that are no hinges": recognised is not None and bool(recognised.slender),
     }
     key = "; ".join(text for text, there in marks.items() if there)
     if isinstance(plate, Stage):
@@ -218,7 +264,7 @@ def drawing_figure(
         parts = 0 if isinstance(plate, Stage) else len([*_marks(drawn)])
         width = float(np.clip(np.sqrt(LABEL_AREA * parts * wide / high), SMALLEST, WIDTH))
     height = float(np.clip((width - 0.6) * (high + room) / (wide + room), LOWEST * width / WIDTH, HIGHEST)) + 0.5
-    plot = partial(plot_plate, plate=plate, layout=layout)
+    plot = partial(plot_plate, plate=plate, layout=layout, recognised=recognised)
     if missing:
         more = f" and {len(missing) - MOST_MISSING} more" * (len(missing) > MOST_MISSING)
         facts = [f"unfinished: {'; '.join(missing[:MOST_MISSING])}{more}"]

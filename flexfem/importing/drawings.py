@@ -1,0 +1,345 @@
+"""Drawings as input: a mechanism from a DXF, STEP or SVG file, its file, and what was recognised in it."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import tomllib
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexfem import arguments
+from flexfem.files.provenance import Assumptions
+from flexfem.files.refusals import checked_path, nearest, place_of, shown
+from flexfem.files.toml import DRAWINGS, PathLike, require_plain_stem
+from flexfem.files.writing import check_file, write_atomically
+from flexfem.importing.departure import Departure, departure, drawn_polygon, fine_polygon
+from flexfem.importing.found import FoundPlate
+from flexfem.importing.roles import Roles, Wishes, actuator_of, point_of, roles_of
+from flexfem.importing.write import Heading, WrittenMechanism, written
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.materials import materials
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism import load as load_file
+from flexfem.mechanism.plate_file import Origin
+from flexfem.mechanism.stage import Stage
+from flexfem.refused import BadInput
+
+LARGEST_THICKNESS = 1e4  # mm
+LARGEST_KERF = 10.0  # mm
+OFF = 1e-3  # mm, of an edge of the written file from the drawing
+OFF_AREA = 1e-6  # the same of the area, per area of the plate
+STATED = "stated with the import"
+
+
+class Reading(NamedTuple):
+    """How a drawing becomes a mechanism.
+
+    Parameters
+    ----------
+    thickness : float, optional
+        Of a drawing: thickness of the plate, mm; a STEP file states it.
+    material : str, optional
+        Of a drawing: name of a registered material, such as al-7075-t6.
+    units : str, optional
+        Of a drawing: unit of its lengths, mm, cm, m, in or ft, instead of that in the file.
+    part : str, optional
+        Of a drawing with several plates: number of the plate, 1 for the largest.
+    kerf : float
+        Of a drawing of the path of a wire or beam: width of its cut, mm.
+    tolerance : float, optional
+        Of a drawing: gap, mm, up to which open ends are joined.
+    ground : list of str, optional
+        Of a drawing: point X,Y of a body that is fixed, or on an edge that is clamped, mm; may be repeated. By default
+        what a layer such as GROUND marks, else the body around all others, with the most round holes, or the largest.
+    output_at : str, optional
+        Of a drawing: point X,Y of the output, mm; or a point of its body and the point at which its pose is read,
+        X,Y:X,Y. By default the centre of the body with the most hinges between it and the ground.
+    clamp_holes : bool
+        Of a drawing: bodies with round holes, for screws, are fixed.
+    actuator : list of str, optional
+        Of a drawing: an actuator between two points, X,Y:X,Y, perhaps with a stack, X,Y:X,Y,AE0505D16; may be repeated.
+    """
+
+    thickness: float | None = None
+    material: str | None = None
+    units: str | None = None
+    part: str | None = None
+    kerf: float = 0.0
+    tolerance: float | None = None
+    ground: list[str] | None = None
+    output_at: str | None = None
+    clamp_holes: bool = False
+    actuator: list[str] | None = None
+
+    @property
+    def wishes(self) -> Wishes:
+        """Stated parts. Raises BadInput for a text that is no point."""
+        body, colon, pose = (
+            self.output_at.partition(":") if isinstance(self.output_at, str) else (self.output_at, "", "")
+        )
+        output = None if body is None else point_of("output", body)
+        return Wishes(
+            tuple(point_of("ground", text) for text in self.ground or ()),
+            output,
+            point_of("output", pose) if colon else output,
+            self.clamp_holes,
+            tuple(actuator_of("actuator", text) for text in self.actuator or ()),
+        )
+
+
+NO_READING = Reading()
+
+
+class ImportedBody(NamedTuple):
+    """A body that was found in a drawing; `held`: fixed, or clamped at edges."""
+
+    body: str
+    held: str
+    hinges: int
+    holes: int
+
+
+class ImportedHinge(NamedTuple):
+    """A hinge that was found in a drawing; `other` dimensions than length and neck; `off_um`: of its fitted edge."""
+
+    hinge: str
+    between: str
+    shape: str
+    length_mm: float
+    neck_mm: float
+    other: str
+    off_um: float
+
+
+class ImportReport(NamedTuple):
+    """What was recognised in a drawing, and how far the mechanism file is off it.
+
+    ground, output : of which body, and why.   edge_off_um, edge_off_at_mm : largest distance of an edge, and its place.
+    area_off : area of which only the drawing or only the file consists, per area of the plate.
+    """
+
+    file: str
+    name: str
+    written: str
+    thickness_mm: float
+    material: str
+    bodies: list[ImportedBody]
+    hinges: list[ImportedHinge]
+    ground: str
+    output: str
+    edge_off_um: float
+    edge_off_at_mm: tuple[float, float]
+    area_off: float
+    notes: list[str]
+    commands: list[str]
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+class ImportedPlate(NamedTuple):
+    """A drawing with all that was made from it."""
+
+    found: FoundPlate
+    roles: Roles
+    written: WrittenMechanism
+    mechanism: Mechanism
+    off: Departure
+
+    @property
+    def warnings(self) -> list[str]:
+        """Where the written file is off the drawing, and what of it is thin and not explained."""
+        texts = list[str]()
+        if self.off.largest > OFF or self.off.area > OFF_AREA:
+            at = f"({self.off.place.real:.6g}, {self.off.place.imag:.6g}) mm"
+            texts.append(
+                f"the mechanism is off the drawing by up to {1e3 * self.off.largest:.3g} um at {at}; "
+                f"{self.off.area:.2g} of the area differs"
+            )
+        if self.found.slender:
+            place = self.found.slender[0].representative_point()
+            texts.append(
+                f"{len(self.found.slender)} thin parts are no hinges, such as that at ({place.x:.4g}, {place.y:.4g}) "
+                "mm: finite elements compute them as drawn, and the analytic model takes them as rigid"
+            )
+        return texts
+
+
+def is_drawing(path: PathLike) -> bool:
+    """Return whether a file is a drawing by its name."""
+    return Path(path).suffix.lower() in DRAWINGS
+
+
+def load(path: PathLike, reading: Reading = NO_READING) -> Stage | Mechanism:
+    """Read and check a stage file or a mechanism file, whichever its keys show, or a drawing.
+
+    Parameters
+    ----------
+    path : path
+        File: .toml, or a drawing: .dxf, .step, .stp or .svg.
+    reading : Reading
+        Of a drawing: its thickness, material, ground, output and so on.
+
+    Raises
+    ------
+    BadInput
+        One line with file, line, key and expected value; for a drawing, what of it cannot be read.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
+    (30.0, 32.0, 24.0)
+    """
+    source = checked_path(path)
+    if is_drawing(source):
+        return imported(source, reading).mechanism
+    require_no_reading(source, reading)
+    return load_file(source)
+
+
+def require_no_reading(source: Path, reading: Reading) -> None:
+    """Raise BadInput for options of drawings with another file."""
+    for name, value in reading._asdict().items():
+        if value:
+            option = name.replace("_", "-")
+            raise BadInput(f"{place_of(source)}: {option} is for a drawing, expected no such option with this file")
+
+
+def import_drawing(drawing: Path, output: Path | None = None, *, reading: Reading = NO_READING) -> ImportReport:
+    """Recognise bodies and hinges in a drawing, and write them as a mechanism file.
+
+    Parameters
+    ----------
+    drawing : path
+        File: .dxf, .step, .stp or .svg.
+    output : path, optional
+        Mechanism file to write, .toml. Without it, only the report is made.
+    reading : Reading
+        Thickness, material, ground, output and so on.
+
+    Raises
+    ------
+    BadInput
+        The drawing cannot be read, thickness or material are not known, or the file cannot be written.
+    """
+    source = checked_path(drawing)
+    if not is_drawing(source):
+        raise BadInput(f"{place_of(source)}: expected a drawing: {', '.join(DRAWINGS)}")
+    target = None if output is None else checked_path(output)
+    if target is not None:
+        if target.suffix != ".toml":
+            raise BadInput(f"{place_of(target)}: expected a file name that ends in .toml, such as mine.toml")
+        require_plain_stem(target)
+        check_file(target, source)
+    plate = imported(source, reading, None if target is None else target.stem)
+    if target is not None:
+        text = plate.written.text.encode()
+        write_atomically(target, lambda file: file.write(text))
+    return report_of(plate, target)
+
+
+def imported(source: Path, reading: Reading, name: str | None = None) -> ImportedPlate:
+    """Read a drawing, recognise its parts, and make the mechanism. Raises BadInput as `import_drawing`."""
+    from flexfem.importing.readers import read_drawing
+    from flexfem.importing.recognise import recognise
+
+    heading_of(source, reading, None, name)  # refuses before anything is computed
+    wishes = reading.wishes
+    options: dict[str, Any] = {"units": reading.units, "part": reading.part, "kerf": reading.kerf}
+    if reading.tolerance is not None:
+        options["tolerance"] = reading.tolerance
+    drawing = read_drawing(source, thickness=reading.thickness, **options)
+    found = recognise(drawing)
+    return assembled(found, wishes, heading_of(source, reading, drawing.thickness, name))
+
+
+def heading_of(source: Path, reading: Reading, drawn: float | None, name: str | None) -> Heading:
+    """Return what the file states about the whole plate.
+
+    drawn : thickness that the drawing states, mm.
+
+    Raises BadInput for a thickness or material that is neither stated nor possible.
+    """
+    place = place_of(source)
+    if reading.thickness is None and drawn is None and source.suffix.lower() in (".dxf", ".svg"):
+        raise BadInput(f"{place}: a drawing without a thickness, expected --thickness, such as --thickness 10mm")
+    if reading.material is None:
+        raise BadInput(f"{place}: a drawing without a material, expected --material, such as --material al-7075-t6")
+    if reading.material not in materials():
+        near = nearest(str(reading.material), materials())
+        raise BadInput(f"material {shown(reading.material)}, expected a registered material{near}")
+    thickness = drawn if reading.thickness is None else reading.thickness
+    source_of = STATED if reading.thickness is not None else f"read from {source.name}"
+    if thickness is not None:
+        thickness = arguments.between("thickness", float(thickness), 1e-4, LARGEST_THICKNESS, " mm")
+    return Heading(name or source.stem, thickness or 0.0, reading.material, {"thickness_mm": source_of})
+
+
+def assembled(found: FoundPlate, wishes: Wishes, heading: Heading) -> ImportedPlate:
+    """Return the mechanism of a found plate, and how far it is off the drawing. Raises BadInput as `import_drawing`."""
+    path = found.drawing.path
+    roles = roles_of(found, wishes)
+    made = written(found, roles, heading)
+    mechanism = Mechanism.model_validate(tomllib.loads(made.text))
+    mechanism.__dict__["origin"] = Origin(os.fspath(path))
+    check_feasible(mechanism)
+    off = departure(drawn_polygon(found.drawing), fine_polygon(mechanism.layout))
+    return ImportedPlate(found, roles, made, mechanism, off)
+
+
+def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
+    """Return what was recognised; target : written file, None without one."""
+    found, roles, names = plate.found, plate.roles, plate.written.names
+    bodies = list[ImportedBody]()
+    for k, body in enumerate(found.bodies):
+        held = "fixed" if k in roles.fixed else "clamped" if k in roles.clamped else ""
+        hinges = sum(k in hinge.bodies for hinge in found.hinges)
+        bodies.append(ImportedBody(names.bodies[k], held, hinges, len(body.holes)))
+    table = list[ImportedHinge]()
+    for k, joint in enumerate(plate.written.joints):
+        hinge = found.hinges[k]
+        between = " - ".join(names.bodies[body] for body in joint.bodies)
+        other = ", ".join(
+            f"{key} {value:.6g}" for key, value in hinge.dimensions.items() if key not in ("length", "neck")
+        )
+        profile = joint.profile
+        table.append(
+            ImportedHinge(
+                names.hinges[k],
+                between,
+                hinge.shape,
+                _shown(profile.length),
+                _shown(profile.neck),
+                other,
+                float(f"{1e3 * hinge.deviation:.3g}"),
+            )
+        )
+    grounds = [names.bodies[k] for k in (*roles.fixed, *roles.clamped)]
+    mechanism, off = plate.mechanism, plate.off
+    doubts = Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
+    shown_by = ("view", "summary") if target is not None else ()
+    return ImportReport(
+        file=str(found.drawing.path),
+        name=mechanism.name,
+        written="" if target is None else str(target),
+        thickness_mm=_shown(float(mechanism.thickness)),
+        material=mechanism.material.name,
+        bodies=sorted(bodies, key=lambda each: each.body),
+        hinges=table,
+        ground=f"{', '.join(grounds)} ({roles.sources['ground']})",
+        output=f"{names.bodies[roles.output]} at {roles.at.real:.6g}, {roles.at.imag:.6g} mm ({roles.sources['output']})",
+        edge_off_um=float(f"{1e3 * off.largest:.2g}"),
+        edge_off_at_mm=(_shown(off.place.real), _shown(off.place.imag)),
+        area_off=float(f"{off.area:.2g}"),
+        notes=list(found.drawing.notes),
+        commands=[f"flexfem {name} {shlex.quote(str(target))}" for name in shown_by],
+        warnings=plate.warnings,
+        assumed=doubts.assumed,
+        not_stated=doubts.not_stated,
+    )
+
+
+def _shown(value: float) -> float:
+    return float(f"{value:.7g}")
