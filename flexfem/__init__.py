@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.questions.buckling import buckling as buckling
     from flexfem.questions.budget import budget as budget
     from flexfem.questions.check import check as check
+    from flexfem.questions.compare import compare as compare
     from flexfem.questions.convergence import converge as converge
     from flexfem.questions.drive import drive as drive
     from flexfem.questions.errors import verification as verification

@@ -39,7 +39,7 @@ GROUPS = {
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("drive", "reach", "large"),
     "Vibration, heat, weight and life": ("modes", "drift", "gravity", "life"),
-    "Measure": ("experiment", "identify", "as-built"),
+    "Measure": ("compare", "experiment", "identify", "as-built"),
     "Many designs": ("study", "design"),
     "Export and report": ("export", "mesh", "report", "schema"),
     "Regression checks": ("regression", "baseline"),

@@ -240,13 +240,16 @@ def import_drawing(drawing: Path, output: Path | None = None, *, reading: Readin
     return report_of(plate, target)
 
 
-def imported(source: Path, reading: Reading, name: str | None = None) -> ImportedPlate:
-    """Read a drawing, recognise its parts, and make the mechanism. Raises BadInput as `import_drawing`."""
+def imported(source: Path, reading: Reading, name: str | None = None, wishes: Wishes | None = None) -> ImportedPlate:
+    """Read a drawing, recognise its parts, and make the mechanism. Raises BadInput as `import_drawing`.
+
+    wishes : stated parts, by default those of the reading.
+    """
     from flexfem.importing.readers import read_drawing
     from flexfem.importing.recognise import recognise
 
     heading_of(source, reading, None, name)  # refuses before anything is computed
-    wishes = reading.wishes
+    wishes = reading.wishes if wishes is None else wishes
     options: dict[str, Any] = {"units": reading.units, "part": reading.part, "kerf": reading.kerf}
     if reading.tolerance is not None:
         options["tolerance"] = reading.tolerance
@@ -318,6 +321,7 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         )
     grounds = [names.bodies[k] for k in (*roles.fixed, *roles.clamped)]
     mechanism, off = plate.mechanism, plate.off
+    at = f"{roles.at.real:.6g}, {roles.at.imag:.6g} mm"
     doubts = Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
     shown_by = ("view", "summary") if target is not None else ()
     return ImportReport(
@@ -329,7 +333,7 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         bodies=sorted(bodies, key=lambda each: each.body),
         hinges=table,
         ground=f"{', '.join(grounds)} ({roles.sources['ground']})",
-        output=f"{names.bodies[roles.output]} at {roles.at.real:.6g}, {roles.at.imag:.6g} mm ({roles.sources['output']})",
+        output=f"{names.bodies[roles.output]} at {at} ({roles.sources['output']})",
         edge_off_um=float(f"{1e3 * off.largest:.2g}"),
         edge_off_at_mm=(_shown(off.place.real), _shown(off.place.imag)),
         area_off=float(f"{off.area:.2g}"),

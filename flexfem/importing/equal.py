@@ -85,13 +85,13 @@ def shape_of(sides: Sequence[Segment], clamped: Sequence[int], role: str | None)
 class CopiedParts(NamedTuple):
     """One [[copy]]: indices of the bodies and hinges that are copied, and how.
 
-    count, about : of a rotation.   mirror : two points of the line of a mirror image, None for a rotation.
+    times, about : of a rotation, the original counted.   mirror : two points of the line of a mirror image, else None.
     images : by step of the rotation, bodies and hinges by the index of the part that they copy.
     """
 
     bodies: tuple[int, ...]
     hinges: tuple[int, ...]
-    count: int
+    times: int
     about: complex
     mirror: tuple[complex, complex] | None
     images: tuple[tuple[Mapping[int, int], Mapping[int, int]], ...]
@@ -99,14 +99,14 @@ class CopiedParts(NamedTuple):
     @property
     def copied(self) -> int:
         """Number of parts that need not be described."""
-        return (len(self.bodies) + len(self.hinges)) * (self.count - 1)
+        return (len(self.bodies) + len(self.hinges)) * (self.times - 1)
 
     @property
     def moves(self) -> list[Move]:
         """Moves from the copied parts to their copies."""
         if self.mirror is not None:
             return [mirror_image(*self.mirror)]
-        turns = [cmath.exp(2j * math.pi * k / self.count) for k in range(1, self.count)]
+        turns = [cmath.exp(2j * math.pi * k / self.times) for k in range(1, self.times)]
         return [Move(turn, self.about - turn * self.about) for turn in turns]
 
 
@@ -142,7 +142,7 @@ def find_copies(
 
 class _Rotation(NamedTuple):
     about: complex
-    count: int
+    times: int
 
 
 class _Mirror(NamedTuple):
@@ -192,8 +192,8 @@ class _Parts:
     def copied(self, move: _Rotation | _Mirror, bodies: set[int], kept: set[int]) -> CopiedParts:
         """Return the bodies and hinges, of those given, that a move takes to others again and again."""
         mirror = (move.first, move.second) if isinstance(move, _Mirror) else None
-        about, count = (0j, 2) if isinstance(move, _Mirror) else move
-        plan = CopiedParts((), (), count, about, mirror, ())
+        about, times = (0j, 2) if isinstance(move, _Mirror) else move
+        plan = CopiedParts((), (), times, about, mirror, ())
         steps = [self._image(step, bodies, kept) for step in plan.moves]
         of_bodies = _orbits(bodies, [step[0] for step in steps])
         chosen = self._connected(of_bodies, kept)

@@ -41,22 +41,27 @@ class Term(NamedTuple):
 
 
 class HingeSize(NamedTuple):
-    """Length and height of the ends of a hinge as sums of parameters; empty where they are plain numbers."""
+    """Sums of parameters: length of a hinge, and distances of its left and right edge from the axis at its ends.
+
+    They are empty where these are plain numbers.
+    """
 
     length: tuple[Term, ...] = ()
-    height: tuple[Term, ...] = ()
+    left: tuple[Term, ...] = ()
+    right: tuple[Term, ...] = ()
 
 
 class HingeEnd(NamedTuple):
     """End of a hinge on a body.
 
-    middle : of the end.   outwards : unit vector of the axis towards this end, or away from the body.
-    corners : both corners, the upper one first.
+    middle : of the end.   outwards : unit vector of the axis towards this end.   left : unit vector to its left.
+    corners : both corners, the left one first.
     """
 
     hinge: int
     middle: complex
     outwards: complex
+    left: complex
     corners: tuple[complex, complex]
 
 
@@ -86,9 +91,9 @@ def hinge_ends(joints: Sequence[Joint], body: int) -> list[HingeEnd]:
     for index, joint in enumerate(joints):
         for side, own in zip(SIDES, joint.bodies, strict=True):
             if own == body:
-                upper, lower = end_corners(joint, side)
-                ahead = side * cmath.exp(1j * joint.heading)
-                found.append(HingeEnd(index, (upper + lower) / 2, ahead, (upper, lower)))
+                corners = end_corners(joint, side)
+                ahead = cmath.exp(1j * joint.heading)
+                found.append(HingeEnd(index, sum(corners) / 2, side * ahead, 1j * ahead, corners))
     return found
 
 
@@ -195,12 +200,12 @@ def _placed(vertex: Vertex, sizes: Sequence[HingeSize]) -> tuple[complex, list[t
     before, after = vertex.before, vertex.after
     if not vertex.fillet:
         for end in (*before.ends, *after.ends):
-            for sign, corner in zip((1.0, -1.0), end.corners, strict=True):
+            size = sizes[end.hinge]
+            ways = ((end.left, size.left), (-end.left, size.right))
+            for corner, (aside, edge) in zip(end.corners, ways, strict=True):
                 if abs(corner - vertex.point) < REACHED:
-                    across = (corner - end.middle) / abs(corner - end.middle)
-                    size = sizes[end.hinge]
                     along = [(end.outwards / 2 * term.times, term) for term in size.length]
-                    return corner, along + [(across / 2 * term.times, term) for term in size.height]
+                    return corner, along + [(aside * term.times, term) for term in edge]
     lines = [_line(before), _line(after)]
     point = _corner_of(vertex.point, lines)
     terms = list[tuple[complex, Term]]()

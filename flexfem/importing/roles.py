@@ -51,7 +51,8 @@ class Wishes(NamedTuple):
     """What the user states about the parts of a drawing; points in mm.
 
     ground : points of bodies that are rigid ground, or on edges at which an elastic body is clamped.
-    output : point of the body that is the output.   pose : point at which its pose is read.   clamp_holes : whether bodies with round holes are ground.
+    output : point of the body that is the output.   pose : point at which its pose is read.
+    clamp_holes : whether bodies with round holes are ground.
     actuators : pairs of points and the stack between them, "" for an assumed one.
     """
 

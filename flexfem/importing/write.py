@@ -16,7 +16,6 @@ from flexfem.importing.outline import (
     Term,
     Vertex,
     decimal,
-    expression,
     hinge_ends,
     number_text,
     outline_rows,
@@ -250,7 +249,7 @@ class _Writer:
             first, second = (row_text([decimal(z.real), decimal(z.imag)]) for z in copies.mirror)
             lines.append(f"mirror_mm = [{first}, {second}]")
         else:
-            lines.append(f"count = {copies.count}")
+            lines.append(f"count = {copies.times}")
             lines.append(f"about_mm = {row_text([copies.about.real, copies.about.imag])}")
         return "\n".join(lines)
 
@@ -361,14 +360,22 @@ def _size(group: EqualHinges, prefix: str) -> HingeSize:
     def term(times: float, key: str, text: str = "{}", factor: float = 1.0) -> Term:
         return Term(times, text.format(f"{prefix}{key}"), factor * sizes[key])
 
+    def both(*edge: Term) -> HingeSize:
+        return HingeSize(length, edge, edge)
+
+    neck = term(0.5, "neck") if "neck" in sizes else None
+    if neck is None:
+        return HingeSize()
     match group.shape:
         case "leaf" | "filleted":
-            fillet = (term(2, "fillet"),) if "fillet" in sizes else ()
-            return HingeSize((term(1, "length"),), (term(1, "neck"), *fillet))
+            length = (term(1, "length"),)
+            return both(neck, term(1, "fillet")) if "fillet" in sizes else both(neck)
         case "circular":
-            return HingeSize((term(2, "radius"),), (term(1, "neck"), term(2, "radius")))
+            length = (term(2, "radius"),)
+            return both(neck, term(1, "radius"))
         case "elliptical" | "parabolic":
-            return HingeSize((term(1, "length"),), (term(1, "neck"), term(2, "depth")))
+            length = (term(1, "length"),)
+            return both(neck, term(1, "depth"))
         case "v":
             half, angle = math.radians(sizes["angle"]) / 2, f"{prefix}angle / 2"
             slope = f"{{}} * tan({angle})"
@@ -377,7 +384,7 @@ def _size(group: EqualHinges, prefix: str) -> HingeSize:
                 term(2, "root_radius", f"{{}} / cos({angle})", 1 / math.cos(half)),
                 term(-2, "root_radius", slope, math.tan(half)),
             )
-            return HingeSize(length, (term(1, "neck"), term(2, "depth")))
+            return both(neck, term(1, "depth"))
     return HingeSize()
 
 

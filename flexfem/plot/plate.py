@@ -82,9 +82,10 @@ def plot_plate(
 ) -> Axes:
     """Draw a stage or a mechanism to scale, in mm, with a scale bar; return `ax`, or new axes.
 
-    recognised : the drawing, whose contour is below the plate and whose thin parts are red; the hinges that the file
-    describes are then labelled with their dimensions.   labels : whether to write the dimensions of a stage and the names of the parts of a mechanism, which are placed for
+    labels : whether to write the dimensions of a stage and the names of the parts of a mechanism, which are placed for
     the size of `ax` at the time of the call.   layout : parts of a stage that cannot be made, which are named.
+    recognised : the drawing, whose contour is below the plate and whose thin parts are red; the hinges that the file
+    describes are then labelled with their dimensions.
     """
     ax, stage = ax or new_axes(), plate if isinstance(plate, Stage) and layout is None else None
     layout = layout or plate.layout
