@@ -89,7 +89,8 @@ class _Writer:
         depths = _depths(found, roles)
         hinges = [_outwards(hinge, depths) for hinge in found.hinges]
         self.groups = equal_hinges(hinges)
-        self.prefixes = _prefixes(self.groups)
+        self.roots = _roots(self.groups)
+        self.prefixes = _prefixes(self.groups, self.roots)
         self.group_of = {member: k for k, group in enumerate(self.groups) for member in group.members}
         shapes = [_shape(body, k, roles) for k, body in enumerate(found.bodies)]
         self.copies = find_copies(hinges, self.groups, shapes, _rounded_point)
@@ -144,11 +145,8 @@ class _Writer:
     def _hinge_names(self) -> list[str]:
         """Return the names of the hinges that the file describes."""
         named = dict[int, str]()
-        for group, prefix in zip(self.groups, self.prefixes, strict=True):
+        for group, root in zip(self.groups, self.roots, strict=True):
             members = [k for k in self.originals if k in group.members]
-            root = f"{_singular(group.shape)} {prefix.removesuffix('_').rpartition('_')[2]}".strip()
-            alone = not prefix or not root[-1].isdigit()
-            root = _singular(group.shape) if alone else root
             named |= dict(zip(members, _lettered(root, len(members)), strict=True))
         return [named[k] for k in self.originals]
 
@@ -388,18 +386,22 @@ def _size(group: EqualHinges, prefix: str) -> HingeSize:
     return HingeSize()
 
 
-def _prefixes(groups: Sequence[EqualHinges]) -> list[str]:
-    """Return what the names of the parameters of each group begin with."""
-    stated = [group for group in groups if group.dimensions]
-    if len(stated) < 2:
-        return [""] * len(groups)
-    counts, found = Counter(group.shape for group in groups), list[str]()
-    seen = Counter[str]()
+def _roots(groups: Sequence[EqualHinges]) -> list[str]:
+    """Return what the names of the hinges of each group begin with, such as "leaf", or "leaf 1" of several groups."""
+    counts, seen = Counter(group.shape for group in groups), Counter[str]()
+    found = list[str]()
     for group in groups:
         seen[group.shape] += 1
-        number = f"_{seen[group.shape]}" if counts[group.shape] > 1 else ""
-        found.append(f"{_singular(group.shape)}{number}_")
+        number = f" {seen[group.shape]}" if counts[group.shape] > 1 else ""
+        found.append(f"{_singular(group.shape)}{number}")
     return found
+
+
+def _prefixes(groups: Sequence[EqualHinges], roots: Sequence[str]) -> list[str]:
+    """Return what the names of the parameters of each group begin with: nothing where there is one group alone."""
+    if sum(bool(group.dimensions) for group in groups) < 2:
+        return [""] * len(groups)
+    return [f"{root.replace(' ', '_')}_" for root in roots]
 
 
 def _singular(shape: str) -> str:
