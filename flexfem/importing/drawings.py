@@ -245,7 +245,7 @@ def imported(source: Path, reading: Reading, name: str | None = None, wishes: Wi
 
     wishes : stated parts, by default those of the reading.
     """
-    from flexfem.importing.readers import read_drawing
+    from flexfem.importing.read import read_drawing
     from flexfem.importing.recognise import recognise
 
     heading_of(source, reading, None, name)  # refuses before anything is computed

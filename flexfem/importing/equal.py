@@ -19,6 +19,7 @@ from flexfem.mechanism.outlines import Segment
 
 EQUAL = 1e-3  # mm, between dimensions, and between edges, of equal parts
 EQUAL_ANGLE = 1e-2  # degrees, between angles of equal hinges: 1 um at the end of a flank of 6 mm
+OPPOSITE = {None: None, "left": "right", "right": "left"}  # sides of a hinge
 MOST_PAIRS = 2000  # pairs of hinges that are searched for lines of symmetry
 MOST_TRIED = 12  # moves of each kind, those that most pairs of hinges agree on
 MOST_ROUND = 24  # copies of a rotation
@@ -54,13 +55,37 @@ def equal_hinges(hinges: Sequence[FoundHinge]) -> list[EqualHinges]:
 
 
 def _are_equal(one: FoundHinge, other: FoundHinge) -> bool:
+    """Whether two hinges have one shape and equal dimensions, perhaps turned round or mirrored."""
     if one.shape != other.shape or one.dimensions.keys() != other.dimensions.keys():
+        return False
+    if (one.side is None) != (other.side is None):
         return False
     for key, value in one.dimensions.items():
         if abs(value - other.dimensions[key]) > (EQUAL_ANGLE if key == "angle" else EQUAL):
             return False
+    seen = (one, turned_round(one), mirrored(one), mirrored(turned_round(one)))
+    return any(_same_edges(each, other) for each in seen)
+
+
+def _same_edges(one: FoundHinge, other: FoundHinge) -> bool:
+    """Whether the sides and the tables of two hinges are the same as they stand."""
     rows, others = np.array(one.table), np.array(other.table)
-    return rows.shape == others.shape and bool(np.all(np.abs(rows - others) <= EQUAL))
+    if one.side != other.side or one.smooth != other.smooth or rows.shape != others.shape:
+        return False
+    return bool(np.all(np.abs(rows - others) <= EQUAL))
+
+
+def turned_round(hinge: FoundHinge) -> FoundHinge:
+    """Return the same hinge as it is described from its second body to its first."""
+    rows = tuple((-row[0], *row[:0:-1]) for row in reversed(hinge.table))
+    heading = math.remainder(hinge.heading + math.pi, 2 * math.pi)
+    return hinge._replace(bodies=hinge.bodies[::-1], heading=heading, table=rows, side=OPPOSITE[hinge.side])
+
+
+def mirrored(hinge: FoundHinge) -> FoundHinge:
+    """Return a hinge with its edges mirrored about its axis."""
+    rows = tuple((row[0], *row[:0:-1]) for row in hinge.table)
+    return hinge._replace(table=rows, side=OPPOSITE[hinge.side])
 
 
 class PartShape(NamedTuple):
@@ -241,12 +266,13 @@ class _Parts:
         return bool(np.max(gaps) <= EQUAL and np.all(apart <= EQUAL))
 
     def _same_axis(self, one: int, other: int, move: Move) -> bool:
-        """Whether the axis of a hinge becomes that of another; the profile is symmetric, so that its sense is free."""
-        turn = cmath.exp(1j * (move.heading(self.hinges[one].heading) - self.hinges[other].heading))
-        reach = sum(self.hinges[one].dimensions.values()) or 1.0
-        directed = bool(self.hinges[one].table)
-        aside = abs(turn.imag) * reach <= EQUAL
-        return aside and (turn.real > 0 or not directed)
+        """Whether axis and edges of a hinge become those of another, which may be described in the opposite sense."""
+        image, target = self.hinges[one], self.hinges[other]
+        turn = cmath.exp(1j * (move.heading(image.heading) - target.heading))
+        reach = sum(image.dimensions.values()) or 1.0
+        image = mirrored(image) if move.mirrored else image
+        image = image if turn.real > 0 else turned_round(image)
+        return abs(turn.imag) * reach <= EQUAL and _same_edges(image, target)
 
     def _connected(self, orbits: Sequence[Sequence[int]], kept: set[int]) -> set[int]:
         """Return one body of each orbit, those that hinges connect where there is a choice."""

@@ -11,7 +11,7 @@ import shapely
 
 from flexfem.arrays import Array
 from flexfem.files.refusals import place_of, shown
-from flexfem.importing.found import FoundBody, FoundPlate
+from flexfem.importing.found import DrawnMark, FoundBody, FoundPlate
 from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
 from flexfem.refused import BadInput
 
@@ -164,7 +164,7 @@ class _Assignment:
         marks = [mark for mark in self.found.drawing.marks if GROUND_LAYERS.search(mark.layer)]
         fixed = set[int]()
         for mark in marks:
-            body = self._body_of(mark.points)
+            body = self._body_of(mark)
             if body is not None and body not in clamped:
                 fixed.add(body)
         if not fixed and not clamped:
@@ -183,7 +183,7 @@ class _Assignment:
             return self._stated_output(self.wishes.output, moving), pose
         for mark in self.found.drawing.marks:
             if OUTPUT_LAYERS.search(mark.layer):
-                body = self._body_of(mark.points)
+                body = self._body_of(mark)
                 if body in moving:
                     self.sources["output"] = f"read from {self.found.drawing.path.name}, layer {mark.layer}"
                     return body, sum(mark.points) / len(mark.points)
@@ -249,13 +249,15 @@ class _Assignment:
                     found.append(segment)
         return found
 
-    def _body_of(self, points: Sequence[complex]) -> int | None:
-        """Return the body that a point is in, or that a marked contour covers most of; None without one."""
-        if len(points) < 3:
-            gaps = self._distances(sum(points) / len(points))
+    def _body_of(self, mark: DrawnMark) -> int | None:
+        """Return the body that a marked point is in, or that a closed contour covers most of; None for other marks."""
+        if len(mark.points) == 1:
+            gaps = self._distances(mark.points[0])
             body = int(np.argmin(gaps))
             return body if gaps[body] <= self.near else None
-        marked = shapely.buffer(shapely.Polygon([(z.real, z.imag) for z in points]), 0)
+        if not mark.closed or len(mark.points) < 3:
+            return None
+        marked = shapely.buffer(shapely.Polygon([(z.real, z.imag) for z in mark.points]), 0)
         shared = [shapely.area(shapely.intersection(marked, polygon)) for polygon in self.polygons]
         body = int(np.argmax(shared))
         return body if shared[body] > 0 else None

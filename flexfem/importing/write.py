@@ -6,10 +6,19 @@ import cmath
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from flexfem.files.refusals import as_toml
-from flexfem.importing.equal import CopiedParts, EqualHinges, PartShape, equal_hinges, find_copies, shape_of
+from flexfem.importing.equal import (
+    CopiedParts,
+    EqualHinges,
+    PartShape,
+    equal_hinges,
+    find_copies,
+    mirrored,
+    shape_of,
+    turned_round,
+)
 from flexfem.importing.found import FoundBody, FoundHinge, FoundPlate
 from flexfem.importing.outline import (
     HingeSize,
@@ -72,7 +81,9 @@ class Heading(NamedTuple):
 def joint_of(hinge: FoundHinge, name: str = "") -> Joint:
     """Return a found hinge as a hinge of a layout, which cuts nothing from its bodies."""
     sizes = {key: math.radians(value) if key == "angle" else value for key, value in hinge.dimensions.items()}
-    given = {**sizes, "table": hinge.table} if hinge.table else sizes
+    given: dict[str, Any] = {**sizes, "table": hinge.table, "smooth": hinge.smooth} if hinge.table else {**sizes}
+    if hinge.side is not None:
+        given["side"] = hinge.side
     return Joint(name, hinge.bodies, hinge.place, hinge.heading, profile_of(hinge.shape, given), 0.0)
 
 
@@ -224,7 +235,11 @@ class _Writer:
 
     def _sizes(self) -> list[HingeSize]:
         """Return length and height of the ends of all hinges as sums of parameters."""
-        return [_size(self.groups[self.group_of[k]], self.prefixes[self.group_of[k]]) for k in range(len(self.hinges))]
+        found = list[HingeSize]()
+        for k, hinge in enumerate(self.hinges):
+            group = self.group_of[k]
+            found.append(_size(self.groups[group], self.prefixes[group], hinge.side))
+        return found
 
     def _hinge(self, index: int) -> str:
         hinge, group = self.hinges[index], self.groups[self.group_of[index]]
@@ -235,9 +250,12 @@ class _Writer:
         lines.append(f"direction_deg = {number_text(_degrees(hinge.heading))}")
         lines.append(f'shape = "{hinge.shape}"')
         lines += [f'{key}_{UNITS.get(key, "mm")} = "{prefix}{key}"' for key in group.dimensions]
+        if hinge.side is not None:
+            lines.append(f'side = "{hinge.side}"')
         if hinge.table:
-            rows = [[decimal(part) for part in row] for row in hinge.table]
-            lines.append(f"table_mm = {_rows(rows)}")
+            lines.append(f"table_mm = {_rows(hinge.table)}")
+        if hinge.smooth:
+            lines.append("smooth = true")
         return "\n".join(lines)
 
     def _copy(self, copies: CopiedParts) -> str:
@@ -303,10 +321,7 @@ def _depths(found: FoundPlate, roles: Roles) -> list[int]:
 def _outwards(hinge: FoundHinge, depths: Sequence[int]) -> FoundHinge:
     """Return a hinge whose first body is the one nearer to the ground."""
     first, second = hinge.bodies
-    if (depths[first], first) <= (depths[second], second):
-        return hinge
-    rows = tuple((-row[0], *row[1:]) for row in reversed(hinge.table))
-    return hinge._replace(bodies=(second, first), heading=hinge.heading + math.pi, table=rows)
+    return hinge if (depths[first], first) <= (depths[second], second) else turned_round(hinge)
 
 
 def _shape(body: FoundBody, index: int, roles: Roles) -> PartShape:
@@ -324,12 +339,11 @@ def _rounded(hinge: FoundHinge, group: EqualHinges) -> FoundHinge:
     """Return a hinge with the dimensions of its group, and its place and direction as they are written."""
     reach = max(abs(joint_of(hinge).profile.length), joint_of(hinge).profile.end_height) / 2
     degrees = math.degrees(hinge.heading)
-    heading = round(degrees, 4) if math.radians(abs(round(degrees, 4) - degrees)) * reach <= SNAP else degrees
-    return hinge._replace(
-        place=_rounded_point(hinge.place),
-        heading=math.radians(_degrees(math.radians(heading))),
-        dimensions=_stated(group),
-    )
+    fewer = round(degrees, 4)
+    degrees = fewer if math.radians(abs(fewer - degrees)) * reach <= SNAP else degrees
+    heading = math.radians(_degrees(math.radians(degrees)))
+    rows = tuple(tuple(map(decimal, row)) for row in hinge.table)
+    return hinge._replace(place=_rounded_point(hinge.place), heading=heading, dimensions=_stated(group), table=rows)
 
 
 def _rounded_point(point: complex) -> complex:
@@ -348,18 +362,20 @@ def _stated(group: EqualHinges) -> dict[str, float]:
 
 def _moved(hinge: FoundHinge, move: Move, bodies: Mapping[int, int]) -> FoundHinge:
     ends = (bodies.get(hinge.bodies[0], hinge.bodies[0]), bodies.get(hinge.bodies[1], hinge.bodies[1]))
-    return hinge._replace(bodies=ends, place=move(hinge.place), heading=move.heading(hinge.heading))
+    image = mirrored(hinge) if move.mirrored else hinge
+    return image._replace(bodies=ends, place=move(hinge.place), heading=move.heading(hinge.heading))
 
 
-def _size(group: EqualHinges, prefix: str) -> HingeSize:
-    """Return length and height of the ends of hinges as sums of their parameters."""
+def _size(group: EqualHinges, prefix: str, side: str | None) -> HingeSize:
+    """Return length and edges of a hinge as sums of the parameters of its group."""
     sizes = _stated(group)
 
     def term(times: float, key: str, text: str = "{}", factor: float = 1.0) -> Term:
         return Term(times, text.format(f"{prefix}{key}"), factor * sizes[key])
 
     def both(*edge: Term) -> HingeSize:
-        return HingeSize(length, edge, edge)
+        left, right = (edge[:1] if side == flat else edge for flat in ("right", "left"))
+        return HingeSize(length, left, right)
 
     neck = term(0.5, "neck") if "neck" in sizes else None
     if neck is None:
