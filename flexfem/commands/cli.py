@@ -300,7 +300,7 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
     for parameter in inspect.signature(function).parameters.values():
         hint = hints[parameter.name]
         if parameter.name == "stage":
-            arguments["stage"] = flexfem.load(given["stage"], _record(flexfem.Reading, function, given))
+            arguments["stage"] = _loaded(given["stage"], _record(flexfem.Reading, function, given))
             stem = f"{given['stage'].stem}-{name}"
         elif hasattr(hint, "_fields"):
             arguments[parameter.name] = _record(hint, function, given)
@@ -316,6 +316,17 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
     pause = streams.EVERY if name in STUDY else 0.0
     with streams.working("study" if pause else name, pause) if "progress" in hints else nullcontext() as say:
         return function(*positional, **arguments, **({} if say is None else {"progress": say})), stem
+
+
+def _loaded(path: Path, reading: Any) -> Any:
+    """Load a stage or mechanism; say what was recognised in a drawing."""
+    from flexfem.importing.drawings import imported, is_drawing
+
+    if not is_drawing(path):
+        return flexfem.load(path, reading)
+    plate = imported(path, reading)
+    print(plate.summary, *(f"warning: {text}" for text in plate.warnings), sep="\n", file=sys.stderr)
+    return plate.mechanism
 
 
 def _record(kind: Any, function: Callable[..., Any], given: dict[str, Any]) -> Any:

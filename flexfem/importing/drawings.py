@@ -165,6 +165,23 @@ class ImportedPlate(NamedTuple):
             )
         return texts
 
+    @property
+    def summary(self) -> str:
+        """What was recognised, in one line."""
+        names, roles, found = self.written.names, self.roles, self.found
+        ground = ", ".join(names.bodies[k] for k in (*roles.fixed, *roles.clamped))
+        return (
+            f"{found.drawing.path}: {len(found.bodies)} bodies, {len(found.hinges)} hinges; "
+            f"ground: {ground} ({roles.sources['ground']}); "
+            f"output: {self.output} ({roles.sources['output']})"
+        )
+
+    @property
+    def output(self) -> str:
+        """Body and point of the output."""
+        at = self.roles.at
+        return f"{self.written.names.bodies[self.roles.output]} at {at.real:.6g}, {at.imag:.6g} mm"
+
 
 def is_drawing(path: PathLike) -> bool:
     """Return whether a file is a drawing by its name."""
@@ -321,7 +338,6 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         )
     grounds = [names.bodies[k] for k in (*roles.fixed, *roles.clamped)]
     mechanism, off = plate.mechanism, plate.off
-    at = f"{roles.at.real:.6g}, {roles.at.imag:.6g} mm"
     doubts = Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
     shown_by = ("view", "summary") if target is not None else ()
     return ImportReport(
@@ -333,7 +349,7 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         bodies=sorted(bodies, key=lambda each: each.body),
         hinges=table,
         ground=f"{', '.join(grounds)} ({roles.sources['ground']})",
-        output=f"{names.bodies[roles.output]} at {at} ({roles.sources['output']})",
+        output=f"{plate.output} ({roles.sources['output']})",
         edge_off_um=float(f"{1e3 * off.largest:.2g}"),
         edge_off_at_mm=(_shown(off.place.real), _shown(off.place.imag)),
         area_off=float(f"{off.area:.2g}"),

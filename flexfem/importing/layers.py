@@ -15,6 +15,8 @@ MARKS = re.compile(
     r"|inputs?|actuators?|loads?|forces?)(?![a-z])",
     re.IGNORECASE,
 )
+GROUND = re.compile(r"(?<![a-z])(ground\w*|clamp\w*|fixed|fix|fixtures?|frame|anchor\w*)(?![a-z])", re.IGNORECASE)
+OUTPUT = re.compile(r"(?<![a-z])(output\w*|stage|platform|end[ _-]?effector)(?![a-z])", re.IGNORECASE)
 SCREWS = re.compile(r"(?<![a-z])(screws?|bolts?|holes?|drill\w*|threads?|taps?|tapped)(?![a-z])", re.IGNORECASE)
 
 
@@ -26,6 +28,16 @@ def is_remark(layer: str) -> bool:
 def is_mark(layer: str) -> bool:
     """Whether a layer marks the ground, the output or what acts on the part; its curves need not be edges of metal."""
     return MARKS.search(layer) is not None
+
+
+def is_ground(layer: str) -> bool:
+    """Whether a layer marks what is fixed."""
+    return GROUND.search(layer) is not None
+
+
+def is_output(layer: str) -> bool:
+    """Whether a layer marks the output."""
+    return OUTPUT.search(layer) is not None
 
 
 def is_screws(layer: str) -> bool:

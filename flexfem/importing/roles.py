@@ -12,14 +12,15 @@ import shapely
 from flexfem.arrays import Array
 from flexfem.files.refusals import place_of, shown
 from flexfem.importing.found import DrawnMark, FoundBody, FoundPlate
+from flexfem.importing.layers import is_ground, is_output
 from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
 from flexfem.refused import BadInput
 
 FINE = np.pi / 256  # rad of arc per vertex of a polygon in which points are looked up
 AT_EDGE = 0.02  # mm, and per extent of the plate below: distance of a point from an edge that it means
 AT_EDGE_SHARE = 1e-3
-GROUND_LAYERS = re.compile(r"\b(ground|clamp|fixed|fixture|frame)", re.IGNORECASE)
-OUTPUT_LAYERS = re.compile(r"\b(output|stage|platform|end ?effector)", re.IGNORECASE)
+SAME = 0.9  # of the area of two contours together that both enclose, above which a contour is that of a body
+COVERED = 0.5  # of the area of a body within a contour, above which it is marked
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 POINT = re.compile(rf"\s*({NUMBER})\s*(?:mm)?\s*,\s*({NUMBER})\s*(?:mm)?\s*")
 
@@ -161,12 +162,10 @@ class _Assignment:
 
     def _marked_ground(self) -> tuple[set[int], dict[int, tuple[int, ...]]] | None:
         clamped = {k: body.clamped for k, body in enumerate(self.found.bodies) if body.clamped}
-        marks = [mark for mark in self.found.drawing.marks if GROUND_LAYERS.search(mark.layer)]
+        marks = [mark for mark in self.found.drawing.marks if is_ground(mark.layer)]
         fixed = set[int]()
         for mark in marks:
-            body = self._body_of(mark)
-            if body is not None and body not in clamped:
-                fixed.add(body)
+            fixed |= self._marked(mark) - clamped.keys()
         if not fixed and not clamped:
             return None
         layers = ", ".join(dict.fromkeys(mark.layer for mark in marks)) or "the ground"
@@ -182,11 +181,10 @@ class _Assignment:
             pose = self.wishes.output if self.wishes.pose is None else self.wishes.pose
             return self._stated_output(self.wishes.output, moving), pose
         for mark in self.found.drawing.marks:
-            if OUTPUT_LAYERS.search(mark.layer):
-                body = self._body_of(mark)
-                if body in moving:
-                    self.sources["output"] = f"read from {self.found.drawing.path.name}, layer {mark.layer}"
-                    return body, sum(mark.points) / len(mark.points)
+            marked = self._marked(mark) & set(moving) if is_output(mark.layer) else set()
+            if marked:
+                self.sources["output"] = f"read from {self.found.drawing.path.name}, layer {mark.layer}"
+                return min(marked), _middle(mark)
         depth = self._depths(fixed | clamped.keys())
         joined = [sum(k in hinge.bodies for hinge in self.found.hinges) for k in range(len(self.polygons))]
         body = max(moving, key=lambda k: (depth[k], joined[k], self.polygons[k].area))
@@ -195,16 +193,22 @@ class _Assignment:
         return body, complex(round(centre.x, 4), round(centre.y, 4)) + 0j
 
     def _stated_output(self, point: complex, moving: Sequence[int]) -> int:
+        body = self._at(point, moving)
+        if body is not None:
+            return body
         gaps = self._distances(point)
-        inside = [k for k in moving if gaps[k] <= self.near]
-        if inside:
-            return min(inside, key=lambda k: gaps[k])
-        filled = [k for k in moving if shapely.Polygon(self.polygons[k].exterior).contains(_dot(point))]
-        if filled:  # in a hole of the body
-            return min(filled, key=lambda k: self.polygons[k].area)
         if np.min(gaps) <= self.near:
             raise BadInput(f"output {_said(point)}: this point is on the ground, expected a body that moves")
         raise BadInput(f"output {_said(point)}: {np.min(gaps):.3g} mm from the plate, expected a point of a body")
+
+    def _at(self, point: complex, bodies: Sequence[int]) -> int | None:
+        """Return which of the bodies a point is in, or in whose hole; None without one."""
+        gaps = self._distances(point)
+        inside = [k for k in bodies if gaps[k] <= self.near]
+        if inside:
+            return min(inside, key=lambda k: gaps[k])
+        filled = [k for k in bodies if any(ring.contains(_dot(point)) for ring in _filled(self.polygons[k]))]
+        return min(filled, key=lambda k: self.polygons[k].area, default=None)
 
     def _actuators(self) -> tuple[PushedPoints, ...]:
         found = list[PushedPoints]()
@@ -249,18 +253,22 @@ class _Assignment:
                     found.append(segment)
         return found
 
-    def _body_of(self, mark: DrawnMark) -> int | None:
-        """Return the body that a marked point is in, or that a closed contour covers most of; None for other marks."""
+    def _marked(self, mark: DrawnMark) -> set[int]:
+        """Return the bodies that a mark is for: a point in one, or a contour of one, around some or in one of them."""
         if len(mark.points) == 1:
-            gaps = self._distances(mark.points[0])
-            body = int(np.argmin(gaps))
-            return body if gaps[body] <= self.near else None
+            at = self._at(mark.points[0], range(len(self.polygons)))
+            return set() if at is None else {at}
         if not mark.closed or len(mark.points) < 3:
-            return None
+            return set()
         marked = shapely.buffer(shapely.Polygon([(z.real, z.imag) for z in mark.points]), 0)
-        shared = [shapely.area(shapely.intersection(marked, polygon)) for polygon in self.polygons]
-        body = int(np.argmax(shared))
-        return body if shared[body] > 0 else None
+        alike = [max(_alike(marked, ring) for ring in _filled(polygon)) for polygon in self.polygons]
+        if max(alike) > SAME:
+            return {int(np.argmax(alike))}
+        shared = np.array([shapely.area(shapely.intersection(marked, polygon)) for polygon in self.polygons])
+        covered = np.flatnonzero(shared > COVERED * np.array([polygon.area for polygon in self.polygons]))
+        if len(covered) and len(covered) < len(self.polygons):
+            return set(covered.tolist())
+        return {int(np.argmax(shared))} if np.max(shared) > 0 else set()
 
     def _most_holed(self) -> int | None:
         counts = [_screws(body) for body in self.found.bodies]
@@ -291,6 +299,24 @@ class _Assignment:
 def body_shape(body: FoundBody) -> Any:
     """Return the polygon of a body."""
     return shapely.Polygon(polygon_points(body.outside, FINE), [polygon_points(hole, FINE) for hole in body.holes])
+
+
+def _filled(polygon: Any) -> list[Any]:
+    """Return what the outer contour and each hole of a body enclose."""
+    return [shapely.Polygon(ring) for ring in (polygon.exterior, *polygon.interiors)]
+
+
+def _alike(one: Any, other: Any) -> float:
+    """Return the common area of two polygons per area of both together."""
+    return float(shapely.area(shapely.intersection(one, other)) / shapely.area(shapely.union(one, other)))
+
+
+def _middle(mark: DrawnMark) -> complex:
+    """Return a marked point, or the centre of what a contour encloses."""
+    if len(mark.points) < 3:
+        return sum(mark.points) / len(mark.points)
+    centre = shapely.Polygon([(z.real, z.imag) for z in mark.points]).centroid
+    return complex(round(centre.x, 4), round(centre.y, 4)) + 0j
 
 
 def _screws(body: FoundBody) -> int:
