@@ -44,7 +44,8 @@ def departure(one: Any, other: Any) -> Departure:
     missing = shapely.difference(one, other)
     extra = shapely.difference(other, one)
     point = shapely.Point(place.real, place.imag)
-    return Departure(area, largest, place, bool(shapely.distance(missing, point) < shapely.distance(extra, point)))
+    gaps = [math.inf if each.is_empty else float(shapely.distance(each, point)) for each in (missing, extra)]
+    return Departure(area, largest, place, gaps[0] < gaps[1])
 
 
 def _farthest(one: Any, other: Any) -> tuple[float, complex]:

@@ -73,6 +73,19 @@ class Reading(NamedTuple):
     actuator: list[str] | None = None
 
     @property
+    def options(self) -> list[str]:
+        """Words of a command with these settings."""
+        words = list[str]()
+        for name, value in self._asdict().items():
+            flag = f"--{name.replace('_', '-')}"
+            for each in value if isinstance(value, list) else [value]:
+                if each is True:
+                    words.append(flag)
+                elif each:
+                    words += [flag, str(each)]
+        return words
+
+    @property
     def wishes(self) -> Wishes:
         """Stated parts. Raises BadInput for a text that is no point."""
         body, colon, pose = (

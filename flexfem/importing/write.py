@@ -377,6 +377,7 @@ def _size(group: EqualHinges, prefix: str, side: str | None) -> HingeSize:
         left, right = (edge[:1] if side == flat else edge for flat in ("right", "left"))
         return HingeSize(length, left, right)
 
+    length: tuple[Term, ...]
     neck = term(0.5, "neck") if "neck" in sizes else None
     if neck is None:
         return HingeSize()

@@ -23,7 +23,8 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
-from flexfem.mechanism.mechanism import Mechanism, load
+from flexfem.importing.drawings import NO_READING, Reading, is_drawing, load, require_no_reading
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import assumptions_said, counted
@@ -121,13 +122,15 @@ def report(
     amplitude: tuple[float, float, float] | None = None,
     folder: Path = REPORTS,
     progress: Progress | None = None,
+    reading: Reading = NO_READING,
 ) -> PageReport:
     """Write one self-contained HTML page of a stage, a mechanism, a study or stored results and designs.
 
     Parameters
     ----------
     files : path or sequence of path
-        A stage or mechanism file, a study file whose designs are done, or results of verify and design as JSON.
+        A stage or mechanism file, a drawing, a study file whose designs are done, or results of verify and design as
+        JSON.
     output : Path
         Page to write, .html.
     sections : sequence of str
@@ -139,6 +142,8 @@ def report(
         Folder of the results of a study.
     progress : callable, optional
         Called with the name of every part before it is computed.
+    reading : Reading
+        Of a drawing: its thickness, material, ground, output and so on.
 
     Raises
     ------
@@ -151,7 +156,7 @@ def report(
         raise BadInput(f"{place_of(target)}: expected a file that ends in .html")
     names = _checked_sections(sections, amplitude)
     check_file(target, *paths)
-    subject = _subject(paths, names, amplitude, studies_folder)
+    subject = _subject(paths, names, amplitude, studies_folder, reading)
     require_unread(target)  # stages, studies and materials are read by now
     assumptions = assumptions_said(subject.assumed, subject.not_stated, "of the numbers of this page ")
     page_sections = []
@@ -164,7 +169,7 @@ def report(
         title=subject.title,
         subtitle=f"{subject.kind}: {', '.join(map(str, paths))}",
         assumptions=f"{'; '.join(assumptions)}. They are listed under “{PROVENANCE}”." if assumptions else "",
-        command=command_line(paths, target, names, amplitude, studies_folder),
+        command=command_line(paths, target, names, amplitude, studies_folder, reading),
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=versions(),
     ).encode(errors="backslashreplace")  # file names need not be UTF-8
@@ -173,12 +178,18 @@ def report(
 
 
 def command_line(
-    files: Sequence[Path], target: Path, sections: Sequence[str] = STANDARD, amplitude: Any = None, kept: Path = REPORTS
+    files: Sequence[Path],
+    target: Path,
+    sections: Sequence[str] = STANDARD,
+    amplitude: Any = None,
+    kept: Path = REPORTS,
+    reading: Reading = NO_READING,
 ) -> str:
     """Return the shell command that makes a page again."""
     words = ["flexfem", "report", *map(str, files), "-o", str(target)]
     words += ["--sections", ",".join(sections)] if tuple(sections) != STANDARD else []
     words += ["--amplitude", *map(repr, checked_amplitude(amplitude).tolist())] if amplitude is not None else []
+    words += reading.options
     return shlex.join(words + (["--folder", str(kept)] if kept != REPORTS else []))
 
 
@@ -252,7 +263,7 @@ def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...
     return names
 
 
-def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, folder: Path) -> Subject:
+def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, folder: Path, reading: Reading) -> Subject:
     """Return the subject of a page, whose kind follows from the content of the files. Raises BadInput."""
     if not files:
         raise BadInput(f"no file, expected {EXPECTED}")
@@ -261,6 +272,9 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
     stored, first = all(path.suffix.lower() == ".json" for path in files), place_of(files[0])
     if not stored and len(files) > 1:
         raise BadInput(f"{first} and {len(files) - 1} more, expected {EXPECTED}")
+    if is_drawing(files[0]):
+        return _plate_subject(load(files[0], reading), sections, amplitude)
+    require_no_reading(files[0], reading)
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
     if kind in ("stage file", Mechanism.kind):
         return _plate_subject(load(files[0]), sections, amplitude)

@@ -112,7 +112,7 @@ def compare(
     hinges = [each for each in compared if each.other or any(each[1:-1])]
     if len(hinges) < len(compared):
         notes.append(f"{len(compared) - len(hinges)} of {len(compared)} hinges are equal, and not listed")
-    found = departure(fine_polygon(base.layout), _moved(fine_polygon(other.layout), move))
+    found = departure(fine_polygon(base.layout), moved(fine_polygon(other.layout), move))
     return Comparison(
         file=str(paths[0]),
         name=base.name,
@@ -140,7 +140,7 @@ def _drawn(path: Path, reading: Reading, base: Mechanism, notes: list[str]) -> t
     if reading.thickness is None:
         stated = stated._replace(thickness=float(base.thickness))
     plate = imported(path, stated)
-    move = _registered(base.layout, plate.mechanism.layout)
+    move = registered(base.layout, plate.mechanism.layout)
     if move != Move():
         turn = math.degrees(cmath.phase(move.factor))
         flipped = ", turned over" * move.mirrored
@@ -158,18 +158,18 @@ def _numbers_of_material(base: Mechanism) -> dict[str, Any]:
     return base.material.model_dump(exclude_none=True)
 
 
-def _registered(base: Layout, other: Layout) -> Move:
+def registered(base: Layout, other: Layout) -> Move:
     """Return the move of the second plate after which it covers the first best."""
     one, two = plate_polygon(base), plate_polygon(other)
     if _area_off(one, two) <= SAME_FRAME:
         return Move()
     found = list[tuple[float, Move]]()
     for turn, mirrored in product(QUARTERS, (False, True)):
-        turned = _moved(two, Move(turn, 0j, mirrored))
+        turned = moved(two, Move(turn, 0j, mirrored))
         for corner in (0, 2):
             shift = _corner(one, corner) - _corner(turned, corner)
             move = Move(turn, shift, mirrored)
-            found.append((_area_off(one, _moved(two, move)), move))
+            found.append((_area_off(one, moved(two, move)), move))
     off, best = min(found, key=lambda each: each[0])
     return best if off < _area_off(one, two) else Move()
 
@@ -183,20 +183,21 @@ def _area_off(one: Any, other: Any) -> float:
     return float(shapely.area(shapely.symmetric_difference(one, other)) / shapely.area(one))
 
 
-def _moved(shape: Any, move: Move) -> Any:
+def moved(shape: Any, move: Move) -> Any:
+    """Return a moved polygon."""
     if move == Move():
         return shape
 
-    def moved(points: Any) -> Any:
+    def image(points: Any) -> Any:
         z = move(points[:, 0] + 1j * points[:, 1])
         return np.column_stack([z.real, z.imag])
 
-    return shapely.transform(shape, moved)
+    return shapely.transform(shape, image)
 
 
 def _wishes(base: Layout, move: Move) -> Wishes:
     """Return the ground and the output of a layout as points of a drawing that a move takes to its axes."""
-    back = _inverse(move)
+    back = inverse(move)
     ground = list[complex]()
     for index, body in enumerate(base.bodies):
         if body.fixed:
@@ -206,7 +207,8 @@ def _wishes(base: Layout, move: Move) -> Wishes:
     return Wishes(tuple(ground), back(_inside(body_polygon(base, output.body))), back(output.point))
 
 
-def _inverse(move: Move) -> Move:
+def inverse(move: Move) -> Move:
+    """Return the move that takes moved points back."""
     factor = move.factor if move.mirrored else move.factor.conjugate()
     back = Move(factor, 0j, move.mirrored)
     return back._replace(shift=-back(move.shift))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -24,6 +24,7 @@ from flexfem.files.provenance import assumptions
 from flexfem.files.refusals import checked_path, shown
 from flexfem.files.toml import bad_key, kind_of, read_toml
 from flexfem.files.writing import check_folder, check_name, digest, digest_of_arrays, read_arrays, write_atomically
+from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.mechanism import Mechanism, load_mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
@@ -207,6 +208,7 @@ def verification(
     output: Path | None = Path("reports"),
     solid: bool = False,
     thickness_resolution: int | None = None,
+    reading: Reading = NO_READING,
     progress: Progress | None = None,
 ) -> list[Result]:
     """Compute the positioning error of the analytic model of cases or mechanisms by finite elements.
@@ -214,11 +216,14 @@ def verification(
     Parameters
     ----------
     *cases : Path
-        Case files, see flexfem schema case, or mechanism files: their errors for commands in x, y and theta.
+        Case files, see flexfem schema case, or mechanism files or drawings: their errors for commands in x, y and
+        theta.
     output : Path, optional
         Folder for the results; `flexfem plot` draws those of cases. In Python, None stores none.
     solid : bool
         Compare mechanisms with finite elements of the whole plate in three dimensions; a case states this itself.
+    reading : Reading
+        Of drawings: thickness, material, ground, output and so on.
     {shared}
     """
     layers = elements_through(solid, thickness_resolution)
@@ -228,10 +233,9 @@ def verification(
     load, seen = cache(load_feasible), dict[str, Path]()
     loaded = list[LoadedCase | Mechanism]()
     for path in map(checked_path, cases):  # read all cases before the first computation
-        is_mechanism = kind_of(read_toml(path).data) == Mechanism.kind
-        if solid and not is_mechanism:
+        loaded.append(_loaded(path, reading, load))
+        if solid and not isinstance(loaded[-1], Mechanism):
             raise BadInput(f'{path}: solid is for mechanisms, expected model = "three_dimensional" in a case')
-        loaded.append(load_mechanism(path) if is_mechanism else LoadedCase(path, load))
         if (other := seen.setdefault(path.stem, path)) != path:
             raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
         if folder is not None:
@@ -245,6 +249,14 @@ def verification(
         if progress is not None:
             progress(path.stem)
     return results
+
+
+def _loaded(path: Path, reading: Reading, load: Callable[[Path], Stage]) -> LoadedCase | Mechanism:
+    """Read a case, a mechanism or a drawing. Raises BadInput."""
+    if is_drawing(path):
+        return imported(path, reading).mechanism
+    is_mechanism = kind_of(read_toml(path).data) == Mechanism.kind
+    return load_mechanism(path) if is_mechanism else LoadedCase(path, load)
 
 
 class CurveRun(NamedTuple):
