@@ -55,6 +55,7 @@ def pictures(folder: Path) -> dict[str, Callable[[Any], Any]]:
     flexfem.new_stage(folder / "stage.toml", case=True)
     stage = flexfem.load(folder / "stage.toml")
     return {
+        "drawing": lambda ax: plate(ax, "lever-amplifier"),
         "mechanism": lambda ax: plate(ax, "bridge-amplifier"),
         "ready-made": lambda ax: plate(ax, "pivot"),
         "stiffness": displaced,
