@@ -179,7 +179,7 @@ def _drawable(source: Path, reading: Reading) -> _Drawable:
 
     if is_drawing(source):
         plate = imported(source, reading)
-        return _Drawable(plate.mechanism, None, [], Recognised(drawn_polygon(plate.found.drawing), plate.found.slender))
+        return _Drawable(plate.mechanism, None, [], Recognised(drawn_polygon(plate.found.drawing), plate.slender))
     require_no_reading(source, reading)
     if kind_of(read_toml(source).data) == Mechanism.kind:
         return _Drawable(*read_drawable(source), None)

@@ -15,7 +15,7 @@ from flexfem.files.toml import DRAWINGS, PathLike, require_plain_stem
 from flexfem.files.writing import check_file, write_atomically
 from flexfem.importing.departure import Departure, departure, drawn_polygon, fine_polygon
 from flexfem.importing.found import FoundPlate
-from flexfem.importing.roles import Roles, Wishes, actuator_of, point_of, roles_of
+from flexfem.importing.roles import Roles, Wishes, actuator_of, body_shape, point_of, roles_of
 from flexfem.importing.write import Heading, WrittenMechanism, written
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import materials
@@ -170,13 +170,21 @@ class ImportedPlate(NamedTuple):
                 f"the mechanism is off the drawing by up to {1e3 * self.off.largest:.3g} um at {at}; "
                 f"{self.off.area:.2g} of the area differs"
             )
-        if self.found.slender:
-            place = self.found.slender[0].representative_point()
+        if self.slender:
+            place = self.slender[0].representative_point()
             texts.append(
-                f"{len(self.found.slender)} thin parts are no hinges, such as that at ({place.x:.4g}, {place.y:.4g}) "
-                "mm: finite elements compute them as drawn, and the analytic model takes them as rigid"
+                f"{len(self.slender)} thin parts are no hinges, such as that at ({place.x:.4g}, {place.y:.4g}) mm: "
+                "finite elements compute them as drawn, and the analytic model takes them as rigid"
             )
         return texts
+
+    @property
+    def slender(self) -> list[Any]:
+        """Polygons of thin parts that are no hinges, without those of the ground, which is rigid."""
+        ground = [body_shape(self.found.bodies[k]) for k in self.roles.fixed]
+        dots = [polygon.representative_point() for polygon in self.found.slender]
+        inside = [any(body.contains(dot) for body in ground) for dot in dots]
+        return [polygon for polygon, fixed in zip(self.found.slender, inside, strict=True) if not fixed]
 
     @property
     def summary(self) -> str:

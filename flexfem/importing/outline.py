@@ -19,6 +19,7 @@ from flexfem.mechanism.layout import Joint
 from flexfem.mechanism.outlines import SHORTEST, Segment
 from flexfem.mechanism.plate import SIDES, end_corners
 
+SLIVER = 1e-6  # mm; shorter segments are round-off
 STRAIGHT = 1e-6  # mm, of corners from a straight side, or of centres of arcs on one circle
 AT_HINGE = 5e-4  # the same of a side at which a hinge ends, which is fitted
 REACHED = 2e-3  # mm, between an end of a hinge and the side of a body
@@ -99,7 +100,11 @@ def hinge_ends(joints: Sequence[Joint], body: int) -> list[HingeEnd]:
 
 def vertices_of(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Vertex]:
     """Return the corners of a closed loop: lines and arcs joined where they continue, and fillets as such."""
-    sides = [_side(segment, index, ends) for index, segment in enumerate(loop)]
+    long = [(index, segment) for index, segment in enumerate(loop) if segment.length > SLIVER]
+    before = [segment.end for _, segment in (long[-1], *long[:-1])]
+    sides = [
+        _side(segment._replace(start=start), index, ends) for start, (index, segment) in zip(before, long, strict=True)
+    ]
     joined = list[Side]()
     for side in sides:
         longer = _joined(joined[-1], side) if joined else None
