@@ -11,12 +11,14 @@ import ctypes
 import math
 import os
 import pickle
+import re
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise
+from pathlib import Path
 from subprocess import PIPE, Popen
 from tempfile import TemporaryFile
 from threading import Thread
@@ -38,6 +40,7 @@ LONGEST_TURN = 2.5  # rad, of an arc of a contour
 DIVIDING = "dividing"  # label of lines between sectors, or halves, of parts that a symmetry takes into themselves
 SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
 PERPENDICULAR = 1e-5  # most cosine between the normals of a plate and of a face perpendicular to it
+SOLID_NAME = re.compile(rb"MANIFOLD_SOLID_BREP\s*\(\s*'((?:[^']|'')*)'")
 MOST_DIRECTIONS = 30  # of plane faces that may be the sides of a plate
 POLL = 0.25  # s between two polls of a process
 LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
@@ -525,8 +528,9 @@ def section_of(job: SolidSection) -> FoundSection:
         kernel = gmsh.model.occ
         solids = [tag for dim, tag in kernel.importShapes(job.path) if dim == 3]
         kernel.synchronize()
+        names_of = dict(zip(solids, _names_of_solids(gmsh.model, solids, job.path), strict=True))
         solids.sort(key=lambda tag: -kernel.getMass(3, tag))
-        names = [gmsh.model.getEntityName(3, tag).rpartition("/")[2] for tag in solids]
+        names = [names_of[tag] for tag in solids]
         chosen = _chosen(job.part, names)
         if chosen < 0:
             return FoundSection([], names, -1)
@@ -550,6 +554,16 @@ def section_of(job: SolidSection) -> FoundSection:
         other = _counted_faces([each for each in faces if not _fits(each, sides)])
         plate = thickness * sum(map(area, contours))
         return FoundSection(contours, names, chosen, thickness, volume, plate, other, exact)
+
+
+def _names_of_solids(model: Any, solids: Sequence[int], path: str) -> list[str]:
+    """Return the names of solids in the order of the file: of their products, else of the solids themselves."""
+    names = [model.getEntityName(3, tag).rpartition("/")[2] for tag in solids]
+    if not any(names):
+        found = SOLID_NAME.findall(Path(path).read_bytes())
+        if len(found) == len(solids):
+            names = [name.decode(errors="replace").replace("''", "'") for name in found]
+    return names
 
 
 def _chosen(part: int | str, names: Sequence[str]) -> int:

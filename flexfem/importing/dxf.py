@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from ezdxf import recover
+from ezdxf.document import Drawing
 from ezdxf.entities import Ellipse
+from ezdxf.lldxf.tagger import binary_tags_loader
 
 from flexfem.importing.curves import Approximation, Contents, DrawnCurve, approximated, arc, ellipse
 from flexfem.importing.found import DrawnMark
@@ -94,7 +96,11 @@ def _document(data: bytes) -> tuple[Any, tuple[str, ...]]:
     if not END.search(data[-64:]):
         raise BadInput("the file ends without its end marker EOF, expected a complete DXF file")
     try:
-        document, audit = recover.read(io.BytesIO(data))
+        if binary:
+            document = Drawing.load(binary_tags_loader(data))
+            audit = document.audit()
+        else:
+            document, audit = recover.read(io.BytesIO(data))
     except Exception as error:  # ezdxf raises many kinds for what is no DXF
         raise BadInput(f"not readable as DXF: {' '.join(text_of(error).split())[:120]}") from None
     wrong = len(audit.errors) + len(audit.fixes)

@@ -16,6 +16,7 @@ from flexfem.importing.curves import Contents, DrawnCurve
 from flexfem.importing.dxf import read_dxf
 from flexfem.importing.found import Drawing
 from flexfem.importing.marks import Sorted, marks_of, sorted_curves
+from flexfem.importing.network import Shapes
 from flexfem.importing.regions import DrawnPlate, OpenChain
 from flexfem.importing.smooth import SmoothLoop, smoothed
 from flexfem.importing.step import read_step
@@ -129,14 +130,14 @@ def _drawing(file: Path, contents: Contents, wanted: _Wanted) -> Drawing:
     _check_plate(plate, found, contents, wanted)
     loops = [smoothed([edge.segment for edge in loop]) for loop in (plate.outside, *plate.holes)]
     outside, *holes = _without_kerf([each.loop for each in loops], wanted.kerf)
-    chords = max(each.off for each in loops)
+    deviation = contents.deviation + max(each.joined for each in loops)
     return Drawing(
         path=file,
         outside=tuple(outside),
         holes=tuple(tuple(hole) for hole in holes),
         thickness=wanted.thickness if wanted.thickness is not None else contents.thickness,
         marks=marks_of(contents.curves, contents.points, wanted.tolerance),
-        deviation=max(contents.deviation, chords),
+        deviation=max(deviation, *(each.off for each in loops)),
         notes=(*_notes(contents, found, loops, wanted), *_notes_of_parts(others)),
     )
 
@@ -153,8 +154,15 @@ def _check_curves(contents: Contents, wanted: _Wanted) -> None:
         raise BadInput("coordinates that are not finite numbers, expected finite ones")
     if np.max(np.abs(numbers[:, :2])) > 100 * LARGEST:
         raise BadInput(f"coordinates of {np.max(np.abs(numbers)):.3g} mm, expected at most {100 * LARGEST:g} mm")
-    ends = numbers[:, :2]
-    _check_size(max(np.ptp(ends.real), np.ptp(ends.imag)), 0.0, wanted)
+    low, high = _extent(segments)
+    _check_size(max((high - low).real, (high - low).imag), 0.0, wanted)
+
+
+def _extent(segments: Sequence[Segment]) -> tuple[complex, complex]:
+    """Lowest and highest corner of the box around lines and arcs, mm."""
+    points = Shapes(segments).at(np.arange(len(segments)), np.linspace(0, 1, 33))
+    low = complex(float(points.real.min()), float(points.imag.min()))
+    return low, complex(float(points.real.max()), float(points.imag.max()))
 
 
 def _check_size(across: float, most: float, wanted: _Wanted) -> None:
@@ -163,12 +171,12 @@ def _check_size(across: float, most: float, wanted: _Wanted) -> None:
     stated = "" if wanted.unit is None else f" in {wanted.unit.name}"
     if across < low:
         raise BadInput(
-            f"{across:.4g} mm across{stated}{': inches?' if wanted.unit is None else ''}, expected {low:g} mm or more; "
+            f"{across:.3g} mm across{stated}{': inches?' if wanted.unit is None else ''}, expected {low:g} mm or more; "
             "state the unit of its lengths (units, such as in or mm)"
         )
     if most and across > high:
         raise BadInput(
-            f"{across:.4g} mm across{stated}{': um?' if wanted.unit is None else ''}, expected {high:g} mm or less; "
+            f"{across:.3g} mm across{stated}{': um?' if wanted.unit is None else ''}, expected {high:g} mm or less; "
             "state the unit of its lengths (units, such as um or mm)"
         )
 
@@ -179,6 +187,7 @@ def _wanted_plate(
     """Return the wanted plate, and the others with their numbers. Raises BadInput."""
     plates = found.regions.plates
     if not plates:
+        _refuse_crossing(found.regions.crossings.tolist())
         _refuse_open(found.regions.open, found)
         raise BadInput(f"no closed contour{_left_out(contents)}, expected those of a plate")
     chosen = 0 if wanted.part is None else _number_of(wanted.part, found)
@@ -210,27 +219,28 @@ def _names_of(plate: DrawnPlate, curves: Sequence[DrawnCurve]) -> list[str]:
 
 def _check_plate(plate: DrawnPlate, found: Sorted, contents: Contents, wanted: _Wanted) -> None:
     """Refuse a plate whose size does not fit its unit, or beside which a contour is open or crosses another."""
-    ends = np.array([edge.segment.start for edge in plate.outside])
-    low = complex(ends.real.min(), ends.imag.min())
-    high = complex(ends.real.max(), ends.imag.max())
+    low, high = _extent([edge.segment for edge in plate.outside])
     _check_size(max((high - low).real, (high - low).imag), 1.0, wanted)
+    slack = complex(wanted.tolerance, wanted.tolerance)
 
-    def inside(z: complex) -> bool:
-        slack = wanted.tolerance
-        return bool(low.real - slack <= z.real <= high.real + slack and low.imag - slack <= z.imag <= high.imag + slack)
+    def overlaps(box: tuple[complex, complex]) -> bool:
+        first, last = box[0] - high - slack, box[1] - low + slack
+        return max(first.real, first.imag) <= 0 <= min(last.real, last.imag)
 
-    for z in found.regions.crossings.tolist():
-        if inside(z):
-            raise BadInput(f"contours cross at {_at(z)}, expected closed contours that do not cross")
-    _refuse_open([chain for chain in found.regions.open if any(map(inside, _ends_of(chain)))], found)
+    _refuse_crossing([z for z in found.regions.crossings.tolist() if overlaps((z, z))])
+    near = [chain for chain in found.regions.open if overlaps(_extent([edge.segment for edge in chain.edges]))]
+    _refuse_open(near, found)
     if plate.touches:
         raise BadInput(
             f"contours touch each other at {_at(plate.touches[0])}: a neck or a gap of no width, expected some width"
         )
 
 
-def _ends_of(chain: OpenChain) -> list[complex]:
-    return [end for edge in chain.edges for end in edge.segment[:2]]
+def _refuse_crossing(points: Sequence[complex]) -> None:
+    """Refuse contours that cross."""
+    if points:
+        more = f", one of {len(points)} crossings" if len(points) > 1 else ""
+        raise BadInput(f"contours cross at {_at(points[0])}{more}, expected closed contours that do not cross")
 
 
 def _refuse_open(chains: Sequence[OpenChain], found: Sorted) -> None:
@@ -257,7 +267,7 @@ def _refuse_open(chains: Sequence[OpenChain], found: Sorted) -> None:
 
 
 def _at(z: complex) -> str:
-    return f"({z.real:.6g}, {z.imag:.6g})"
+    return f"({round(z.real, 6) + 0.0:.6g}, {round(z.imag, 6) + 0.0:.6g})"
 
 
 def _without_kerf(loops: list[list[Segment]], kerf: float) -> list[list[Segment]]:
@@ -303,7 +313,7 @@ def _notes(contents: Contents, found: Sorted, loops: Sequence[SmoothLoop], wante
         off = max(each.off for each in loops) * 1e3
         notes.append(f"{arcs} rows of short lines are read as arcs, from which the lines are at most {off:.2g} um off.")
     if contents.deviation > 1e-9:
-        off = contents.deviation * 1e3
+        off = 1e3 * (contents.deviation + max(each.joined for each in loops))
         notes.append(f"Splines, ellipses or Bezier curves are read as arcs, at most {off:.2g} um off.")
     if wanted.kerf:
         notes.append(f"The metal was reduced by {wanted.kerf / 2:g} mm at every edge, half the kerf.")
@@ -315,7 +325,7 @@ def _notes_of_parts(others: Sequence[tuple[int, DrawnPlate]]) -> list[str]:
     notes = list[str]()
     for number, plate in others[:NAMED]:
         circle = circle_of([edge.segment for edge in plate.outside])
-        where = np.mean([edge.segment.start for edge in plate.outside])
+        where = circle[0] if circle else np.mean([edge.segment.start for edge in plate.outside])
         what = f"a disc {2 * circle[1]:.4g} mm in diameter" if circle and not plate.holes else f"{plate.size:.4g} mm^2"
         notes.append(f"Part {number}, {what} around {_at(complex(where))}, was left out.")
     if len(others) > NAMED:

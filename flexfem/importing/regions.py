@@ -61,8 +61,8 @@ def regions_of(network: CurveNetwork) -> Regions:
     """Divide the plane into metal and voids: crossing a contour from outside changes from one to the other.
 
     Where a vertex has an odd number of edges, as at bodies that are drawn side by side, no such division exists. Then
-    the edges of least total length whose removal leaves even numbers everywhere divide metal; an edge that two curves
-    share counts little, and one at the outside is never such an edge.
+    the edges of least total length whose removal leaves even numbers everywhere have the same on both sides; an edge
+    that two curves share counts little, and another one at the outside is never such an edge.
     """
     closed, chains = _closed_part(network)
     crossings = _crossings(closed.edges)
@@ -252,12 +252,12 @@ def _paths(network: CurveNetwork) -> list[_Path]:
 
 
 def _at_outside(network: CurveNetwork) -> set[int]:
-    """Indices of edges that have the outside of their connected part on one side only."""
+    """Indices of edges of one curve that have the outside of their connected part on one side only."""
     outer = set[int]()
     for orbit in _orbits(network):
         if area([half.segment for half in orbit]) < 0:
             times = Counter(half.place for half in orbit)
-            outer |= {index for index, number in times.items() if number == 1}
+            outer |= {k for k, number in times.items() if number == 1 and network.edges[k].times == 1}
     return outer
 
 

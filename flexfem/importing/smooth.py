@@ -19,22 +19,29 @@ STEP = math.radians(6.1)  # most turn from chord to chord: 60 of them or more in
 FEWEST = 6  # chords
 LEAST_TURN = math.radians(3.0)  # of chords in place of an arc; with less they may be a line
 ON_LINE = 2e-5  # mm; distance of the ends of lines in a row from the one line
-ONE_CIRCLE = 2e-4  # mm; distance of arcs in a row from the one arc
+ONE_CIRCLE = 1e-4  # mm; distance of arcs in a row from the one arc
+LONGEST_ROW = 100  # arcs that become one
+THREE = np.array([0.0, 0.5, 1.0])
 
 
 class SmoothLoop(NamedTuple):
-    """A closed loop; `arcs` that stand for chords, and the largest distance of these chords from them, mm."""
+    """A closed loop.
+
+    arcs : number of those that stand for chords.   off : largest distance of these chords from them, mm.
+    joined : the same of arcs that became one.
+    """
 
     loop: list[Segment]
     arcs: int = 0
     off: float = 0.0
+    joined: float = 0.0
 
 
 def smoothed(loop: Sequence[Segment]) -> SmoothLoop:
     """Return a closed loop with as few lines and arcs as it can have."""
     chords = _arcs_of_chords(_from_a_corner(loop))
-    segments = _joined_arcs(_joined_lines(_from_a_corner(chords.loop)))
-    return chords._replace(loop=segments)
+    segments, off = _joined_arcs(_joined_lines(_from_a_corner(chords.loop)))
+    return chords._replace(loop=segments, joined=off)
 
 
 def _from_a_corner(loop: Sequence[Segment]) -> list[Segment]:
@@ -191,20 +198,22 @@ def _in_a_row(whole: Segment, ends: AnyArray) -> bool:
     return bool(np.all(steps > 0) and np.max(np.abs(places.imag)) * abs(whole.end - whole.start) <= ON_LINE)
 
 
-def _joined_arcs(loop: Sequence[Segment]) -> list[Segment]:
-    """Join arcs that follow each other on one circle; each is again of less than half a turn."""
+def _joined_arcs(loop: Sequence[Segment]) -> tuple[list[Segment], float]:
+    """Join arcs that follow each other on one circle; also return how far the joined ones are off it, mm."""
     joined = list[Segment]()
     row = list[Segment]()
+    off = 0.0
     for segment in [*loop, None]:
-        if row and segment is not None and _one_circle(row, segment):
+        if row and segment is not None and len(row) < LONGEST_ROW and _off_circle([*row, segment]) <= ONE_CIRCLE:
             row.append(segment)
             continue
         if len(row) > 1:
+            off = max(off, _off_circle(row))
             joined += _arc_through(row, _row_centre(row))
         else:
             joined += row
         row = [] if segment is None else [segment]
-    return joined
+    return joined, off
 
 
 def _row_centre(row: Sequence[Segment]) -> complex:
@@ -214,12 +223,10 @@ def _row_centre(row: Sequence[Segment]) -> complex:
     return centre
 
 
-def _one_circle(row: list[Segment], segment: Segment) -> bool:
-    """Whether an arc continues a row on its circle."""
-    first = row[0]
-    if first.centre is None or segment.centre is None or segment.turn * first.turn < 0:
-        return False
-    points = np.array([*(complex(each.at(share)) for each in (row[-1], segment) for share in (0.0, 0.5, 1.0))])
-    centre = _row_centre([*row, segment])
-    radius = abs(row[0].start - centre)
-    return bool(np.max(np.abs(np.abs(points - centre) - radius)) <= ONE_CIRCLE)
+def _off_circle(row: Sequence[Segment]) -> float:
+    """Largest distance of arcs that turn to one side from their one circle, mm; infinite for others."""
+    if any(each.centre is None or each.turn * row[0].turn < 0 for each in row):
+        return math.inf
+    points = np.concatenate([each.at(THREE) for each in row])
+    spokes = np.abs(points - _row_centre(row))
+    return float(np.max(np.abs(spokes - spokes[0])))

@@ -33,7 +33,7 @@ INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
 HREF = "{http://www.w3.org/1999/xlink}href"
 LAYER = "data-flexfem-layer"  # attributes that are added to the elements of a file
 GROUPS = "data-flexfem-groups"
-SEPARATOR = "\x1f"
+SEPARATOR = "\t"
 SHAPES = ("path", "rect", "circle", "ellipse", "line", "polyline", "polygon")
 CONTAINERS = ("svg", "g", "defs", "use", "a", "switch", "style", "symbol")
 NOT_DRAWN = {  # what an element is called, in the plural
@@ -313,7 +313,7 @@ class _Reader:
                 self.left_out[reason] += 1
                 continue
             groups = tuple(str(values.get(GROUPS) or "").split(SEPARATOR))
-            for segments in self._subpaths(svgelements.Path(element)):
+            for segments in self._subpaths(svgelements.Path(element).reify()):
                 self.curves.append(DrawnCurve(tuple(segments), layer or "0", groups))
 
     def _reason_to_leave(self, element: Any, values: dict[str, Any], layer: str) -> str:
