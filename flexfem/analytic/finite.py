@@ -115,6 +115,7 @@ class FinitePlate:
 
         `ports`: those where loads act, by default those of the layout.
         """
+        self.strain_at_rest = 0.0  # of the plate without stress, relative to its drawing, but not of the ground
         moving, count = moving_bodies(layout), len(layout.joints)
         material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
         marks = {profile: divided_profile(profile, BEAMS) for profile in {joint.profile for joint in layout.joints}}
@@ -150,7 +151,7 @@ class FinitePlate:
         """Beams at unknowns q (size,); a node at z of a body moves to the body's pose and turned z."""
         full, chord = np.append(q, np.zeros(3)), self.chord
         x, y, turn = full[self.column], full[self.column + 1], full[self.column + 2]
-        arm = self.arm * np.exp(1j * turn)
+        arm = (1 + self.strain_at_rest) * self.arm * np.exp(1j * turn)
         stretched = np.diff(x + 1j * y + arm - self.arm).ravel()
         length, rest = np.abs(chord + stretched), np.abs(chord)
         unit = (chord + stretched) / length
@@ -158,6 +159,7 @@ class FinitePlate:
         ends = np.angle(from_chord * (unit.conj() * chord / rest)[:, None])
         v = (2 * (chord.conj() * stretched).real + np.abs(stretched) ** 2) / (length + rest)
         bent = rest[:, None] * ends @ BOW
+        v = v - self.strain_at_rest * rest
         strain = np.column_stack([v + np.sum(bent * ends, axis=1) / 2, ends])
         return Beams(arm, length, unit, bent, np.einsum("eij,ej->ei", self.stiffness, strain))
 

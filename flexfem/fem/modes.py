@@ -104,6 +104,27 @@ def modes(vibrating: VibratingStructure, count: int) -> Modes:
     return _ordered_modes(*_ritz(vibrating.space, vibrating, count), vibrating.mass, count)
 
 
+def modes_of_tangent(
+    mass: Mass, solve: Solve, count: int, stack_loads: Array | None = None, stack_stiffness: Array | None = None
+) -> Modes:
+    """Return the lowest `count` modes of a tangent stiffness at an equilibrium, whose inverse is `solve`.
+
+    stack_loads, stack_stiffness : as of `vibrating_structure`.
+    Raises ComputationFailed when they do not converge, or when the equilibrium is not stable.
+    """
+    from scipy.sparse.linalg import LinearOperator
+
+    if stack_loads is not None and stack_stiffness is not None:
+        solve = _with_stacks(solve, stack_loads, stack_stiffness)
+    size = mass.structure.size
+    inertia = LinearOperator((size, size), matvec=lambda u: mass.loads(u.reshape(-1, 1))[:, 0], dtype=float)
+    squares, shapes = lowest(solve, inertia, count)
+    if not squares[0] > 0:
+        raise ComputationFailed("the mechanism buckles before its preload is reached, expected a smaller one")
+    shapes = shapes / np.sqrt(np.sum(shapes * mass.loads(shapes), axis=0))
+    return _ordered_modes(squares, shapes, mass, count)
+
+
 def stage_modes(
     sectors: tuple[Sector, ...],
     plate: Plate,

@@ -189,10 +189,13 @@ def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
 class LargeStructure:
     """A plane structure, and the contacts where it is loaded or a hub that rotates: `u = U + (R(theta) - 1) r`."""
 
-    def __init__(self, structure: Structure, contacts: Contacts | None = None) -> None:
+    def __init__(self, structure: Structure, contacts: Contacts | None = None, residual: float = 0.0) -> None:
+        """`residual`: stress, MPa, in all directions of the plane, of the plate before it can deform."""
         self.structure, self.pairs = structure, structure.pairs
         self.factorise = Factoriser(structure.order(), structure.poses)
         self.contacts, self.free = contacts, 2 * len(structure.free)
+        plate = structure.plate
+        self.initial = residual * (1 - plate.poissons_ratio) / plate.youngs_modulus * np.eye(2)[:, :, None]
 
     def motions(self, state: State) -> Array:
         """Displacements and rotations (k,) where loads act, mm and rad: the pose of the hub or those of the ports."""
@@ -226,9 +229,13 @@ class LargeStructure:
         """Return the state of displacements (n, 2), mm, with those of the hub replaced by the motion of the pose."""
         field = field.copy()
         field[self.structure.hub] = self.hub_motion(pose)[0]
-        stress = [stress_tensor(self.structure.plate, green_lagrange(H)) for H in self._slopes(field)]
+        stress = [self.stress(green_lagrange(H)) for H in self._slopes(field)]
         ports = len(self.contacts.wrenches) if self.contacts else 3
         return State(pose, field, stress, np.zeros(ports), np.zeros(len(self.contacts.arm) if self.contacts else 0))
+
+    def stress(self, strain: Array) -> Array:
+        """Second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of strains, with the residual stress."""
+        return stress_tensor(self.structure.plate, strain + self.initial)
 
     def _slopes(self, field: Array) -> list[Array]:
         return [batch.slopes(self.structure.line, field[None])[0] for batch in self.structure.batches]
@@ -245,11 +252,12 @@ class LargeStructure:
         """Return forces, energy and strain of the displacements of a state; its stress is not used."""
         structure, slopes = self.structure, self._slopes(state.field)
         strains = [green_lagrange(H) for H in slopes]
-        consistent = state._replace(stress=[stress_tensor(structure.plate, strain) for strain in strains])
+        consistent = state._replace(stress=[self.stress(strain) for strain in strains])
         forces = self.nodal(consistent, slopes)
         on_hub = forces[structure.hub].ravel() @ self.hub_jacobian(state.pose)
         parts = zip(strains, consistent.stress, structure.batches, strict=True)
-        energy = sum(float(np.sum(e * s * b.weights[:, None, None])) for e, s, b in parts) * structure.plate.thickness
+        products = [float(np.sum((e + self.initial) * s * b.weights[:, None, None])) for e, s, b in parts]
+        energy = sum(products) * structure.plate.thickness
         largest = max(float(np.max(np.abs(strain))) for strain in strains)
         on_free = forces[structure.free].ravel()
         return InternalForces(np.append(on_free, on_hub[: structure.poses]), energy / 2, largest)
@@ -318,6 +326,30 @@ def driven(model: PlateModel, ports: Sequence[int], motions: Array) -> Equilibri
     The other ports are free of load; the loads are those that hold the ports.
     """
     return _equilibria(LargeStructure(model.structure, contacts(model)), motions, ports)
+
+
+class PlateTangent(NamedTuple):
+    """Tangent of a plane plate at an equilibrium.
+
+    compliance : (k, k), of the ports.   solve : inverse of the tangent stiffness.   field : (n, 2), mm.
+    strain : largest magnitude of a component of the strain by displacements.
+    """
+
+    compliance: Array
+    solve: Solve
+    field: Array
+    strain: float
+
+
+def tangent_at(model: PlateModel, load: Array) -> PlateTangent:
+    """Return the tangent at the equilibrium under a dead load (k,) on the ports and the residual stress of a plate.
+
+    Raises ComputationFailed when Newton's method fails even with the smallest load steps.
+    """
+    large = LargeStructure(model.structure, contacts(model), model.layout.residual_stress)
+    state = large.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes))
+    step, _ = _advance(large, state, np.zeros_like(load), load, (), 0.0)
+    return PlateTangent(step.compliance, step.solve, step.state.field, large.internal(step.state).strain)
 
 
 def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
@@ -447,7 +479,7 @@ def _step(model: LargeStructure, state: State, goal: Array, held: Sequence[int])
         largest = np.maximum(largest, np.max(np.abs(changes)))  # propagates nan
         half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)  # F' dH
         rate = (half + np.swapaxes(half, -3, -2)) / 2
-        stress.append(stress_tensor(structure.plate, green_lagrange(slopes) + rate))
+        stress.append(model.stress(green_lagrange(slopes) + rate))
     size = float(np.sqrt(abs(change @ residual)))
     turn = model.contacts.turns(moved[structure.free].ravel(), state.turn) if model.contacts else state.turn
     state = State(pose, moved, stress, load, turn)

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import ElementBatch, Layers, stress_tensor
-from flexfem.fem.factor import Solve
+from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.nonlinear import arm_of, contacts
 from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
 from flexfem.fem.structure import Structure
@@ -60,23 +60,33 @@ class CriticalShapes(NamedTuple):
     shapes: Array
 
 
-def prestress_by(model: PlateModel, load: Array, held: tuple[int, ...] = ()) -> Prestress:
+def prestress_by(model: PlateModel, load: Array, held: tuple[int, ...] = (), residual: float = 0.0) -> Prestress:
     """Return the change of the stiffness by a load (k,) on the ports: by its linear stress in the shape at rest.
 
     held : ports whose displacements stay zero.
+    residual : stress of the plate, MPa, in all directions of the plane before it can deform.
     """
     structure = model.structure
+    axes = structure.line.axes
     load = load.copy()
     if held:
         ports = list(held)
         unit = model.ports[:, ports]
         moved = model.spaces[0].solve(np.column_stack([model.ports @ load, unit]))
         load[ports] -= np.linalg.solve(unit.T @ moved[:, 1:], unit.T @ moved[:, 0])
-    field = model.response((model.ports @ load)[:, None]).nodal[0]
+    initial = residual * np.diag([1.0, 1.0, 0.0])[:axes, :axes, None]
+    loads = model.ports @ load
+    if residual:
+        loads = loads - _loads_of_stress(structure, initial)
+    field = (
+        model.response(loads[:, None]).nodal[0]
+        if np.any(loads)
+        else np.zeros((len(structure.mesh.nodes), *structure.shape))
+    )
     at, turned = contacts(model).change_of_loads(np.zeros(structure.size), load)
 
     def stress_of(batch: ElementBatch) -> Array:
-        return stress_tensor(structure.plate, batch.slopes(structure.line, field[None])[0])
+        return stress_tensor(structure.plate, batch.slopes(structure.line, field[None])[0]) + initial
 
     squares = fourths = 0.0
     for batch in structure.batches:
@@ -84,8 +94,43 @@ def prestress_by(model: PlateModel, load: Array, held: tuple[int, ...] = ()) -> 
         weights = (batch.weights[:, :, None] * structure.line.weights).reshape(size.shape)
         squares += float(np.sum(weights * size))
         fourths += float(np.sum(weights * size**2))
-    level = float(np.sqrt(fourths / squares))
+    level = float(np.sqrt(fourths / squares)) if squares else 0.0
     return Prestress(structure, _of_stress(structure, stress_of), at, -turned, level)
+
+
+def _loads_of_stress(structure: Structure, stress: Array) -> Array:
+    """Return the loads (size,) on the unknowns that balance a uniform stress (d, d, 1), MPa."""
+    forces = np.zeros((1, len(structure.mesh.nodes), *structure.shape))
+    for batch in structure.batches:
+        points = batch.weights.shape[1] * len(structure.line.weights)
+        uniform = np.broadcast_to(stress, (1, len(batch.triangles), *stress.shape[:2], points))
+        batch.add_forces(forces, structure.line, uniform)
+    return structure.loads(forces)[:, 0]
+
+
+def stiffened(change: Prestress) -> Solve:
+    """Return the inverse of the stiffness of a structure with its change by stress and loads.
+
+    Raises ComputationFailed when it is not definite: the plate buckles before.
+    """
+    structure = change.structure
+    on_axes = sp.kron(change.matrix, sp.eye_array(structure.line.axes), format="csr")
+    lower = sp.csr_array(structure.lower() + sp.tril(structure.T.T @ on_axes @ structure.T, format="csr"))
+    lower.sort_indices()
+    try:
+        solve = factorise(lower, structure.order(), structure.poses)
+    except ComputationFailed:
+        raise ComputationFailed("the plate buckles before its preload is reached, expected a smaller one") from None
+    if not change.at.shape[1]:
+        return solve
+    soft = solve(change.at)
+    inner = np.eye(len(change.carried)) + change.carried @ (change.at.T @ soft)
+
+    def solved(b: Array) -> Array:
+        x = solve(b)
+        return x - soft @ np.linalg.solve(inner, change.carried @ (change.at.T @ x))
+
+    return solved
 
 
 def lifted(change: Prestress, model: PlateModel, load: Array) -> Prestress:

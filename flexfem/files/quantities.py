@@ -162,6 +162,7 @@ Tilt: TypeAlias = Annotated[float, Limits("deg", ge=-80, le=80)]
 Modulus: TypeAlias = Annotated[float, positive(1e-3, 2000, "gpa")]  # rubber, and twice diamond
 Poisson: TypeAlias = Annotated[float, Limits(COUNT, ge=0, lt=0.5)]
 Strength: TypeAlias = Annotated[float, positive(1e-3, 1e5)]  # MPa: gels to graphene
+ResidualStress: TypeAlias = Annotated[float, either_sign(1e-4, 1e4)]  # MPa: films
 Density: TypeAlias = Annotated[float, positive(0.1, 1e5)]  # kg/m^3: aerogels, and four times osmium
 Expansion: TypeAlias = Annotated[  # glass ceramics and polymers
     float, Limits("um_per_m_k", ge=0, le=300, least=0.01, said=_ALUMINIUM)

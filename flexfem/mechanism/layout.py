@@ -122,6 +122,7 @@ class LinearActuator(NamedTuple):
 
     contacts : on the carrying body or ground, and on the driven body.   direction : unit vector of the force on the
     driven body.   stiffness : N/mm.   stroke : free stroke, mm.   blocking_force : N.   mass : tonne, half at each one.
+    preload : N, force at rest.
     """
 
     name: str
@@ -132,6 +133,7 @@ class LinearActuator(NamedTuple):
     blocking_force: float
     mass: float = 0.0
     key: str = ""
+    preload: float = 0.0
 
 
 class PayloadMass(NamedTuple):
@@ -180,6 +182,7 @@ class Layout(NamedTuple):
     thickness : mm.   elastic : Young's modulus, MPa, and Poisson's ratio of the plane problem.   density : tonne/mm^3.
     points : named contacts to read, the output first.
     out_of_plane : ratio of the stress out of the plane to the sum of those in it: Poisson's ratio in plane strain.
+    residual_stress : MPa, in all directions of the plane, before the plate is released from what holds its bodies.
     """
 
     bodies: tuple[Body, ...]
@@ -193,6 +196,7 @@ class Layout(NamedTuple):
     actuators: tuple[LinearActuator, ...] = ()
     payloads: tuple[PayloadMass, ...] = ()
     out_of_plane: float = 0.0
+    residual_stress: float = 0.0
 
     @property
     def ports(self) -> tuple[Port, ...]:
@@ -213,6 +217,12 @@ class Layout(NamedTuple):
     def drive_ports(self) -> list[int]:
         """Indices of the ports of the actuators."""
         return [3 * len(self.points) + k for k in range(len(self.actuators))]
+
+    @property
+    def preload(self) -> Array:
+        """Load (k,) on the ports by the preloads of the actuators, N."""
+        on_drives = [actuator.preload for actuator in self.actuators]
+        return np.array([0.0] * (3 * len(self.points)) + on_drives)
 
     @property
     def lever(self) -> float:

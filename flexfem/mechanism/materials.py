@@ -57,6 +57,11 @@ class Material(Table):
     expansion: quantities.Expansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[23.6])
     """Coefficient of linear thermal expansion. Only thermal drift uses it; no other result, and no hash of one, depends
     on it"""
+    residual_stress: quantities.ResidualStress | None = Field(
+        default=None, alias="residual_stress_mpa", examples=[50.0]
+    )
+    """Stress in all directions of the plane before the plate is released, as of a film on a substrate; tension is
+    positive. Bodies that are not fixed relax it. `modes` and `stiffness` of a mechanism take it into account"""
     fatigue_strength_coefficient: quantities.Strength | None = Field(
         default=None, alias="fatigue_strength_coefficient_mpa", examples=[900.0]
     )

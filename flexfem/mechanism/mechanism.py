@@ -252,7 +252,15 @@ def layout_of(mechanism: Mechanism, missing: list[str] | None = None) -> Layout:
         near, far = (_contact(patch, bodies, f"{part.key}.at_mm[{side}]") for side, patch in enumerate(patches))
         direction, rating = (places[1] - places[0]) / abs(places[1] - places[0]), part.table.rating._asdict()
         actuators.append(
-            LinearActuator(part.name, (near, far), direction, mass=part.table.mass, key=part.key, **rating)
+            LinearActuator(
+                part.name,
+                (near, far),
+                direction,
+                mass=part.table.mass,
+                key=part.key,
+                preload=float(part.table.preload or 0.0),
+                **rating,
+            )
         )
     load = mechanism.payload
     return Layout(

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from flexfem.files.quantities import Coordinate, Count, Grams, Inertia, Length, LengthOrZero, Turn
+from flexfem.files.quantities import Coordinate, Count, ForceOrZero, Grams, Inertia, Length, LengthOrZero, Turn
 from flexfem.files.refusals import refusal
 from flexfem.files.tables import Label, Table, one_form
 from flexfem.mechanism.actuators import RatedActuator
@@ -187,6 +187,15 @@ class PlateActuator(RatedActuator):
     """Radius of the area around a contact that takes the load; by default a twentieth of the extent of the body"""
     mass: Grams = Field(default=0.0, alias="mass_g", examples=[8.0])
     """Mass of the actuator, half of it at each contact"""
+    preload: ForceOrZero | None = Field(default=None, alias="preload_n", examples=[50.0])
+    """Force with which the actuator pushes the two bodies apart at rest. It keeps its direction. `modes` and
+    `stiffness` take it into account"""
+
+    @model_validator(mode="after")
+    def _preload_is_possible(self) -> PlateActuator:
+        if self.preload is not None and not self.preload <= self.rating.blocking_force:
+            raise refusal(f"at most the blocking force, {self.rating.blocking_force:g}", "preload_n")
+        return self
 
     @model_validator(mode="after")
     def _points_differ(self) -> PlateActuator:

@@ -105,6 +105,7 @@ class PlateFile(Sourced):
             "density": DENSITY * self.material.density,
             "yield_strength": self.material.yield_strength,
             "out_of_plane": nu if strain else 0.0,
+            "residual_stress": self.material.residual_stress or 0.0,
         }
 
     def _digest(self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any) -> str:

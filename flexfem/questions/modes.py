@@ -16,6 +16,7 @@ from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.analytic.network import with_springs
 from flexfem.analytic.plates import modes as network_modes
+from flexfem.analytic.preloaded import modes as beam_modes
 from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array, Index, brief
 from flexfem.fem.export import write_vtu
@@ -34,10 +35,12 @@ from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import counted
-from flexfem.questions import plates
+from flexfem.questions import plates, preloaded
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence
+from flexfem.questions.loads import AtPoints, stated_load
 from flexfem.questions.setup import (
+    ELASTIC,
     LIFTED,
     Mesh,
     MeshFields,
@@ -267,11 +270,13 @@ class Vibration(NamedTuple):
         return paths
 
 
-@options(not_for="payload tilting damping", only_for="plane")
+@options(not_for="payload tilting damping", only_for="plane force force_at")
 def modes(
     stage: Stage | Mechanism,
     *,
     count: int = 6,
+    force: tuple[float, float, float] | None = None,
+    force_at: AtPoints | None = None,
     payload: tuple[float, float] = (0.0, 0.0),
     tilting: float | None = None,
     drives: Drives = "disengaged",
@@ -289,6 +294,10 @@ def modes(
     ----------
     count : int
         Number of modes, from the lowest.
+    force : tuple of float, optional
+        Static load on the output of a mechanism, about whose equilibrium it vibrates: N, N, N mm.
+    force_at : mapping of str to tuple of float, or sequence of str, optional
+        Static loads at points of a mechanism by their names, N, N, N mm: NAME=FX,FY,M, repeated.
     payload : tuple of float
         Mass, kg, and moment of inertia about the platform's centre, kg mm^2, of a body on the platform.
     tilting : float, optional
@@ -312,7 +321,8 @@ def modes(
     layers = elements_through(solid, thickness_resolution)
     mesh = plates.mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION)
     if isinstance(stage, Mechanism):
-        return _of_mechanism(stage, arguments.integer("count", count, MOST), drives, mesh, models, progress)
+        load = preloaded.preload_of(stage, stated_load(stage.layout, force, force_at))
+        return _of_mechanism(stage, arguments.integer("count", count, MOST), drives, mesh, models, progress, load)
     count = arguments.integer("count", count, MOST_SOLID if solid else MOST)
     carried = _payload(payload, tilting, solid)
     ratio = arguments.positive("damping", damping, MOST_DAMPING) / 100
@@ -353,17 +363,28 @@ def modes(
 
 
 def _of_mechanism(
-    mechanism: Mechanism, count: int, drives: Drives, mesh: Mesh | None, models: Models, progress: Progress | None
+    mechanism: Mechanism,
+    count: int,
+    drives: Drives,
+    mesh: Mesh | None,
+    models: Models,
+    progress: Progress | None,
+    load: Array | None,
 ) -> NaturalModes:
+    """Return the modes at rest, or about the equilibrium under a load (k,) on the ports and residual stress."""
     layout, engaged = mechanism.layout, drives == "engaged"
     if engaged and not layout.actuators:
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
     shapes = list[ModesOfStructure]()  # of the last, which is the finest mesh
 
     def of_parts(parts: plates.ElasticParts) -> Array:
+        if load is not None:
+            return beam_modes(layout, load, engaged, parts.hinges)
         return network_modes(layout, parts.bodies, engaged, parts.hinges)
 
     def of_network(elastic: bool) -> dict[str, Array]:
+        if load is not None:
+            return {"frequency": np.array([]) if elastic else of_parts(plates.ElasticParts())}
         return {"frequency": of_parts(plates.joined_parts(mechanism, elastic))}
 
     def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> dict[str, Array]:
@@ -381,14 +402,20 @@ def _of_mechanism(
         """Return frequencies and shares (modes, 3) of the output: in the plane, then with layers out of it."""
         parts = list[tuple[Array, Array]]()
         for lifting in (False, True)[: 2 if layers else 1]:
-            model = plates.factorised(mechanism, resolution, layers, lifting)
-            shapes[:] = [found := plate_modes(model, count + 1, engaged)]
-            motion = found.shapes.T @ model.ports[:, :3] * np.where([False, lifting, True], layout.lever, 1.0)
+            if load is None:
+                model = plates.factorised(mechanism, resolution, layers, lifting)
+                found, ports = plate_modes(model, count + 1, engaged), model.ports
+            else:
+                found, ports = preloaded.modes_under(mechanism, load, resolution, layers, lifting, count + 1, engaged)
+            shapes[:] = [found]
+            motion = found.shapes.T @ ports[:, :3] * np.where([False, lifting, True], layout.lever, 1.0)
             parts.append((found.frequencies, _shares_of_motion(found.frequencies, motion)))
         frequency, share = (np.concatenate([each[:count] for each in part]) for part in zip(*parts, strict=True))
         return {"frequency": frequency, "share": share}
 
     found = plates.by_models(mechanism, mesh, models, of_network, of_size, progress)
+    if load is not None:
+        found.pop(ELASTIC, None)
     order = _order(found, count)
     lifted, answers = order >= count, _sorted(found, order, count)
     names, values, fields = [str(k + 1) for k in range(count)], dict[str, Array](), None
@@ -401,12 +428,20 @@ def _of_mechanism(
         else:
             plate = plates.meshed(mechanism, mesh.resolution)
             fields = MeshFields(plate, lambda: {f"mode {k + 1}": shapes[0].field(k) for k in range(count)})
-    settings = {"actuators": drives} if layout.actuators else {}
+    settings: dict[str, str] = {"actuators": drives} if layout.actuators else {}
     bands, warnings = dict[str, float](), list[str]()
+    notes = list[str]()
+    if load is not None:
+        settings["preload"] = preloaded.described(mechanism, load)
+        notes += [preloaded.IN_THREE_DIMENSIONS] * (SOLID in found)
     if SOLID in found and mesh is not None:
         in_plane = float(found[SOLID].values["frequency"][:count].min())
         try:
-            first, band = _first_out_of_plane(mechanism, found[SOLID], count if mesh.layers else None)
+            place = count if mesh.layers else None
+            if load is not None and place is None:
+                first, band = preloaded.first_out_of_plane(mechanism, load)
+            else:
+                first, band = _first_out_of_plane(mechanism, found[SOLID], place)
         except ComputationFailed as failure:
             warnings.append(f"no frequency out of the plane: {failure}")
         else:
@@ -417,7 +452,7 @@ def _of_mechanism(
                 warnings.append(f"the lowest natural frequency is out of the plane, {lowest}")
     return answer(
         NaturalModes, mechanism, answers, mesh, settings, values, {"mode": names}, bands,
-        warnings=warnings, fields=fields,
+        warnings=warnings, notes=notes, fields=fields,
     )  # fmt: skip
 
 

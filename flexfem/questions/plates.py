@@ -198,7 +198,7 @@ def lifted(mechanism: Mechanism) -> Lifted:
         model = factorised(mechanism, LIFTED_RESOLUTION, layers, lifting=True)
         compliances.append(model.response().compliance)
         frequencies.append(float(plate_modes(model, 1).frequencies[0]))
-    stiffness: list[Array] = [np.linalg.inv(C) for C in compliances]
+    stiffness = [np.asarray(np.linalg.inv(C), dtype=float) for C in compliances]
     few, many = frequencies
     return Lifted(
         compliances[-1],

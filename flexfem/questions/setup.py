@@ -195,6 +195,10 @@ ELASTIC = "elastic bodies"  # label of the network of parts, each with the compl
 ELASTIC_READ = f"{ELASTIC}: bodies and hinges by finite elements of each part, joined at rigid sections"
 SOLID_NOW = "solid, with thickness_resolution for the number of elements in half of the thickness"
 NO_HINGES = "the plate has no hinges: the analytic models do not apply, and all numbers are those of finite elements"
+WITHOUT_PRELOAD = (
+    "these numbers are those without the residual stress and the preloads of actuators that the file states: `modes`, "
+    "and the stiffness and amplification of `stiffness`, contain them"
+)
 BY_HINGES = (
     f"{SOLID}: plane finite elements of the plate, and three-dimensional ones of every hinge, also in the elastic "
     "bodies; the analytic model is in plane stress"
@@ -369,6 +373,8 @@ def answer(
         found = [*values, *chain.from_iterable(model.values for model in models.values())]
         peaks = any(word in kind.quantities[name].meaning for name in found for word in ("stress", "strain"))
         warned = sharp_roots(layout) if peaks and mesh is not None else []
+        if (layout.residual_stress or np.any(layout.preload)) and "preload" not in settings:
+            warned.append(WITHOUT_PRELOAD)
         others["warnings"] = [*others.get("warnings", ()), *warned]
         by_hinges = SOLID in models and mesh is not None and not mesh.layers
         read = [ELASTIC_READ] * (ELASTIC in models) + [BY_HINGES] * by_hinges

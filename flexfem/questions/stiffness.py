@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import compress
 from typing import Any, ClassVar, NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.finite import buckling_factors
 from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse
+from flexfem.analytic.preloaded import preloaded as beam_tangent
 from flexfem.arrays import Array, free_stiffness, is_largest
 from flexfem.fem.body_stress import moving_bodies
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
@@ -23,7 +24,7 @@ from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import finite, plates, setup
+from flexfem.questions import finite, plates, preloaded, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid_bands, stress_bands
 from flexfem.questions.loads import loads_at_points
@@ -36,6 +37,10 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, FRESH, SHEET, SOLVED, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES, without_unit
 
+UNDER_PRELOAD = (
+    "the stiffness is that of small motions about the equilibrium under the preload; stress, ranges and buckling loads "
+    "are not stated there"
+)
 HINGES_ALONE = "the analytic model does not hold there, and its stress and range at yield are those of hinges alone"
 NEARLY_EQUAL = Gate(1.0, absolute=1e4)  # of the place of a highest stress: another one may have nearly the same
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
@@ -207,7 +212,7 @@ class MechanismSummary(Summary, mechanism=True):
     stiffness = replace(Summary.stiffness, compared=False)
 
 
-@setup.options(not_for="analytic", only_for="plane force_at out_of_plane force_out_of_plane")
+@setup.options(not_for="analytic", only_for="plane force_at tangent out_of_plane force_out_of_plane")
 def stiffness(
     stage: Stage | Mechanism,
     *,
@@ -216,6 +221,7 @@ def stiffness(
     force: tuple[float, float, float] | None = None,
     displacement: tuple[float, float, float] | None = None,
     force_at: Mapping[str, Sequence[float]] | Sequence[str] | None = None,
+    tangent: bool = False,
     out_of_plane: bool = False,
     force_out_of_plane: tuple[float, float, float] | None = None,
     resolution: int | None = None,
@@ -235,6 +241,8 @@ def stiffness(
     force_at : mapping of str to tuple of float, or sequence of str, optional
         Loads at points of a mechanism by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M, repeated.
         Two opposite loads at two points are a pair between their bodies.
+    tangent : bool
+        Stiffness of a mechanism at the equilibrium under the load, instead of that at rest and the response to it.
     out_of_plane : bool
         Also the stiffness of the output of a mechanism out of the plane: along z, and tilt about x and y.
     force_out_of_plane : tuple of float, optional
@@ -258,6 +266,12 @@ def stiffness(
     is_lifted = out_of_plane or force_out_of_plane is not None
     if is_lifted and (models == "analytic" or stage.model != "three_dimensional"):
         raise BadInput("out_of_plane, expected finite elements in three dimensions, without plane or models 'analytic'")
+    if isinstance(stage, Mechanism):
+        preload = _preload(stage, load, tangent)
+        if preload is not None:
+            return _at_preload(
+                stage, preload, load._replace(on_ports=None) if tangent else load, mesh, models, progress
+            )
     stated = warning.of_numbers(stage)
     network = _network_of_stage(stage, analytic, models, stated) if isinstance(stage, Stage) else None
 
@@ -326,6 +340,56 @@ def _joined(parts: Sequence[_Part]) -> dict[str, Any]:
         "warnings": [text for part in parts for text in part.warnings],
         "notes": [text for part in parts for text in part.notes],
     }
+
+
+def _preload(mechanism: Mechanism, load: _Load, tangent: bool) -> Array | None:
+    """Return the load (k,) at whose equilibrium the stiffness is asked for, None at rest. Raises BadInput."""
+    if not tangent:
+        return preloaded.preload_of(mechanism, None)
+    if load.on_ports is None:
+        raise BadInput("tangent, expected force or force_at, under which the stiffness is computed")
+    on_ports = np.zeros(len(mechanism.layout.ports))
+    on_ports[: len(load.on_ports)] = load.on_ports
+    return mechanism.layout.preload + on_ports
+
+
+def _at_preload(
+    mechanism: Mechanism,
+    preload: Array,
+    load: _Load,
+    mesh: Mesh | None,
+    models: Models,
+    progress: Progress | None,
+) -> Stiffness:
+    """Return the stiffness at the equilibrium under a preload (k,), and the displacement by a small load on it."""
+    layout = mechanism.layout
+
+    def of_tangent(compliance: Array) -> Values:
+        response = Responses(compliance, lambda loads: np.zeros((*loads.shape[:-1], 0)))
+        values = _values(mechanism, response, load)
+        values.pop("hinge_stress", None)
+        return values
+
+    def of_parts(parts: plates.ElasticParts) -> Array:
+        return beam_tangent(layout, preload, parts.hinges).compliance
+
+    @cache
+    def by_mesh(resolution: int, layers: int) -> Array:
+        return preloaded.compliance_under(mechanism, preload, resolution, layers)
+
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
+        compliance = by_mesh(resolution, layers)
+        return of_tangent(compliance if thick is None else compliance + thick.change(of_parts))
+
+    found = dict[str, ModelAnswer]()
+    if models != "elements" and layout.joints:
+        found[ANALYTIC] = ModelAnswer(of_tangent(of_parts(plates.ElasticParts())))
+    if mesh is not None:
+        thickness = () if mesh.layers else plates.thickness_of(mechanism)
+        found |= plates.by_elements(mesh, of_size, progress, thickness=thickness)
+    settings = {"preload": preloaded.described(mechanism, preload)}
+    notes = [UNDER_PRELOAD, *[preloaded.IN_THREE_DIMENSIONS] * (mesh is not None and mesh.layers > 0)]
+    return setup.answer(Stiffness, mechanism, found, mesh, settings, notes=notes)
 
 
 def _lifted(mechanism: Mechanism, force: Sequence[float] | None = None) -> _Part:
