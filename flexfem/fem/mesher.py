@@ -44,6 +44,7 @@ SOLID_NAME = re.compile(rb"MANIFOLD_SOLID_BREP\s*\(\s*'((?:[^']|'')*)'")
 MOST_DIRECTIONS = 30  # of plane faces that may be the sides of a plate
 POLL = 0.25  # s between two polls of a process
 LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
+MOST_MEMORY = 6_000_000_000  # bytes, while a solid of another program is read
 MOST_KEPT = 10_000_000  # bytes of meshes; after a larger result the process ends to free its memory
 OPTIONS = {
     "General.NumThreads": 1,  # more threads make the node order vary between runs
@@ -522,7 +523,7 @@ def section_of(job: SolidSection) -> FoundSection:
     The plate is perpendicular to the direction along which most of the surface is parallel or perpendicular to it, of
     equal ones the direction of the smallest thickness. Its two sides are the plane faces across it with most area.
     """
-    with gmsh_session() as gmsh:
+    with _limited_memory(), gmsh_session() as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
         kernel = gmsh.model.occ
@@ -554,6 +555,23 @@ def section_of(job: SolidSection) -> FoundSection:
         other = _counted_faces([each for each in faces if not _fits(each, sides)])
         plate = thickness * sum(map(area, contours))
         return FoundSection(contours, names, chosen, thickness, volume, plate, other, exact)
+
+
+@contextmanager
+def _limited_memory() -> Iterator[None]:
+    """Limit the memory of this process to `MOST_MEMORY`, where the system can: files of others may ask for any."""
+    try:
+        import resource
+    except ImportError:
+        yield
+        return
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    within = MOST_MEMORY if before[1] == resource.RLIM_INFINITY else min(MOST_MEMORY, before[1])
+    resource.setrlimit(resource.RLIMIT_AS, (within, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
 
 
 def _names_of_solids(model: Any, solids: Sequence[int], path: str) -> list[str]:

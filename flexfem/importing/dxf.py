@@ -72,7 +72,12 @@ def read_dxf(data: bytes, path: Path, unit: DrawingUnit | None) -> Contents:
     document, notes = _document(data)
     stated = unit or _unit_of(document)
     reader = _Reader(document, (stated or MM).millimetres)
-    reader.read(document.modelspace(), _Place("0", "CONTINUOUS", ()), 0)
+    try:
+        reader.read(document.modelspace(), _Place("0", "CONTINUOUS", ()), 0)
+    except (BadInput, RecursionError):
+        raise
+    except Exception as error:  # ezdxf raises many kinds for entities without what they need
+        raise BadInput(f"an entity that cannot be read: {' '.join(text_of(error).split())[:120]}") from None
     for layout in document.layouts:
         if layout.name != "Model":
             number = sum(entity.dxftype() != "VIEWPORT" for entity in layout)

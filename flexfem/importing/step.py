@@ -11,7 +11,7 @@ from flexfem.importing.curves import Contents, DrawnCurve
 from flexfem.importing.units import DrawingUnit
 from flexfem.refused import BadInput, ComputationFailed, printed, text_of
 
-TIME_LIMIT = 60.0  # s
+TIME_LIMIT = 30.0  # s
 LARGEST_FILE = 50_000_000  # bytes
 LEFT_OUT = 0.05  # most of the volume that other faces than those of a plate may change
 SECTION_ERROR = 1e-4  # mm, of arcs in place of other curves
