@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -354,7 +355,7 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
                 _shown(profile.length),
                 _shown(profile.neck),
                 other,
-                float(f"{1e3 * hinge.deviation:.3g}"),
+                round(1e3 * hinge.deviation, 3),
             )
         )
     grounds = [names.bodies[k] for k in (*roles.fixed, *roles.clamped)]
@@ -367,8 +368,8 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         written="" if target is None else str(target),
         thickness_mm=_shown(float(mechanism.thickness)),
         material=mechanism.material.name,
-        bodies=sorted(bodies, key=lambda each: each.body),
-        hinges=table,
+        bodies=sorted(bodies, key=lambda each: _in_order(each.body)),
+        hinges=sorted(table, key=lambda each: _in_order(each.hinge)),
         ground=f"{', '.join(grounds)} ({roles.sources['ground']})",
         output=f"{plate.output} ({roles.sources['output']})",
         edge_off_um=float(f"{1e3 * off.largest:.2g}"),
@@ -380,6 +381,12 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         assumed=doubts.assumed,
         not_stated=doubts.not_stated,
     )
+
+
+def _in_order(name: str) -> list[tuple[bool, int, str]]:
+    """Return a key that sorts names with numbers as people do."""
+    parts = re.split(r"(\d+)", name)
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 
 
 def _shown(value: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ from flexfem.refused import BadInput
 FINE = np.pi / 256  # rad of arc per vertex of a polygon in which points are looked up
 AT_EDGE = 0.02  # mm, and per extent of the plate below: distance of a point from an edge that it means
 AT_EDGE_SHARE = 1e-3
+CONTACT, WIDEST = 1 / 20, 1 / 5  # radius of the output on a clamped body, and the largest one, per its extent
 SAME = 0.9  # of the area of two contours together that both enclose, above which a contour is that of a body
 COVERED = 0.5  # of the area of a body within a contour, above which it is marked
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -37,13 +39,15 @@ class Roles(NamedTuple):
     """What the bodies of a plate are for.
 
     fixed : indices of bodies that are rigid ground.   clamped : by elastic body, segments of its outline.
-    output, at : body whose pose is read, and the point.   sources : why, by "ground" and "output", for provenance.
+    output, at : body whose pose is read, and the point.   contact : mm, radius around it; None for the whole body.
+    sources : why, by "ground" and "output", for provenance.
     """
 
     fixed: tuple[int, ...]
     clamped: dict[int, tuple[int, ...]]
     output: int
     at: complex
+    contact: float | None
     actuators: tuple[PushedPoints, ...]
     sources: dict[str, str]
 
@@ -114,7 +118,8 @@ class _Assignment:
         """Return the roles. Raises BadInput as `roles_of`."""
         fixed, clamped = self._ground()
         output, at = self._output(fixed, clamped)
-        return Roles(tuple(sorted(fixed)), clamped, output, at, self._actuators(), self.sources)
+        contact = self._contact(output, at) if output in clamped else None
+        return Roles(tuple(sorted(fixed)), clamped, output, at, contact, self._actuators(), self.sources)
 
     def _ground(self) -> tuple[set[int], dict[int, tuple[int, ...]]]:
         if self.wishes.ground:
@@ -131,8 +136,10 @@ class _Assignment:
             self.sources["ground"] = "stated with the import: the bodies with round holes"
             return fixed, {}
         if not self.found.hinges:
+            left, low, right, high = self.bounds
             raise BadInput(
-                f"{self.place}: no hinges were found, expected --ground X,Y with a point on the edge that is clamped"
+                f"{self.place}: no hinges were found, expected --ground X,Y with a point on the edge that is clamped; "
+                f"the plate lies between {left:.5g},{low:.5g} and {right:.5g},{high:.5g} mm"
             )
         around = [k for k, polygon in enumerate(self.polygons) if self._covers_plate(polygon)]
         if around:
@@ -191,6 +198,15 @@ class _Assignment:
         self.sources["output"] = "assumed: the centre of the body with the most hinges between it and the ground"
         centre = self.polygons[body].centroid
         return body, complex(round(centre.x, 4), round(centre.y, 4)) + 0j
+
+    def _contact(self, body: int, at: complex) -> float:
+        """Return the radius of the output on a body that is clamped itself: half the edge that it is on, or a part."""
+        left, low, right, high = self.polygons[body].bounds
+        lines = [_line(segment) for segment in self.found.bodies[body].outside]
+        edge = min(lines, key=lambda line: shapely.distance(line, _dot(at)))
+        extent = math.hypot(right - left, high - low)
+        radius = shapely.length(edge) / 2 if shapely.distance(edge, _dot(at)) <= self.near else CONTACT * extent
+        return round(float(min(radius, WIDEST * extent)), 4)
 
     def _stated_output(self, point: complex, moving: Sequence[int]) -> int:
         body = self._at(point, moving)

@@ -279,7 +279,8 @@ class _Writer:
 
     def _output(self) -> str:
         at = row_text([decimal(self.roles.at.real), decimal(self.roles.at.imag)])
-        return f"[output]\nbody = {as_toml(STAGE)}\nat_mm = {at}"
+        contact = "" if self.roles.contact is None else f"\ncontact_mm = {number_text(self.roles.contact)}"
+        return f"[output]\nbody = {as_toml(STAGE)}\nat_mm = {at}{contact}"
 
     def _provenance(self) -> str:
         read = f"read from {self.found.drawing.path.name}"
@@ -298,6 +299,8 @@ class _Writer:
                     "ground"
                 ]
         sources["output"] = self.roles.sources["output"]
+        if self.roles.contact is not None:
+            sources["output.contact_mm"] = "assumed: half of the edge at the output, or a twentieth of the body"
         for k, pushed in enumerate(self.roles.actuators):
             name = _lettered("drive", len(self.roles.actuators))[k]
             key = f"actuator.{name}" if name.isidentifier() else f"actuator[{k}]"
