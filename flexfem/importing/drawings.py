@@ -22,6 +22,7 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import materials
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism import load as load_file
+from flexfem.mechanism.outlines import area
 from flexfem.mechanism.plate_file import Origin
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
@@ -30,6 +31,7 @@ LARGEST_THICKNESS = 1e4  # mm
 LARGEST_KERF = 10.0  # mm
 OFF = 1e-3  # mm, of an edge of the written file from the drawing
 OFF_AREA = 1e-6  # the same of the area, per area of the plate
+OFF_MEAN = 1e-4  # mm, mean distance along the edge: curves that arcs stand for are drawn with this tolerance
 STATED = "stated with the import"
 
 
@@ -165,7 +167,10 @@ class ImportedPlate(NamedTuple):
     def warnings(self) -> list[str]:
         """Where the written file is off the drawing, and what of it is thin and not explained."""
         texts = list[str]()
-        if self.off.largest > OFF or self.off.area > OFF_AREA:
+        contours = (self.found.drawing.outside, *self.found.drawing.holes)
+        plate = sum(map(area, contours))
+        length = sum(segment.length for loop in contours for segment in loop)
+        if self.off.largest > OFF or self.off.area > OFF_AREA + OFF_MEAN * length / plate:
             at = f"({self.off.place.real:.6g}, {self.off.place.imag:.6g}) mm"
             texts.append(
                 f"the mechanism is off the drawing by up to {1e3 * self.off.largest:.3g} um at {at}; "

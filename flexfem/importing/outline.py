@@ -9,7 +9,6 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -181,22 +180,35 @@ def _crossing(a: complex, u: complex, b: complex, v: complex) -> complex | None:
     return a + u * ((b - a).conjugate() * v).imag / across
 
 
-def outline_rows(vertices: Sequence[Vertex], sizes: Sequence[HingeSize]) -> list[list[float | str]]:
-    """Return the corners of an outline as a file states them: x, y, and perhaps a radius and the height of an arc.
+class PlacedVertex(NamedTuple):
+    """A corner as it is written: its place, and its displacement by each of the terms."""
+
+    vertex: Vertex
+    point: complex
+    terms: list[tuple[complex, Term]]
+
+
+def placed_vertices(vertices: Sequence[Vertex], sizes: Sequence[HingeSize]) -> list[PlacedVertex]:
+    """Return corners where the hinges end, without those that then fall on the next one.
 
     sizes : of all hinges, by their index.
     """
-    points, rows = list[complex](), list[list[float | str]]()
-    for vertex in vertices:
-        point, terms = _placed(vertex, sizes)
-        points.append(point)
-        row = [_coordinate(point.real, terms, 1.0), _coordinate(point.imag, terms, -1j)]
-        if vertex.fillet:
-            row.append(decimal(vertex.fillet))
+    placed = [PlacedVertex(vertex, *_placed(vertex, sizes)) for vertex in vertices]
+    following = [*placed[1:], placed[0]]
+    return [one for one, other in zip(placed, following, strict=True) if abs(one.point - other.point) > SLIVER]
+
+
+def outline_rows(placed: Sequence[PlacedVertex]) -> list[list[float | str]]:
+    """Return the corners of an outline as a file states them: x, y, and perhaps a radius and the height of an arc."""
+    rows = list[list[float | str]]()
+    for one, other in zip(placed, [*placed[1:], placed[0]], strict=True):
+        row = [_coordinate(one.point.real, one.terms, 1.0), _coordinate(one.point.imag, one.terms, -1j)]
+        if one.vertex.fillet:
+            row.append(decimal(one.vertex.fillet))
+        if one.vertex.after.centre is not None:
+            bow = abs(other.point - one.point) / 2 * math.tan(one.vertex.after.turn / 4)
+            row += [0] * (3 - len(row)) + [decimal(bow)]
         rows.append(row)
-    for row, vertex, (start, end) in zip(rows, vertices, pairwise([*points, points[0]]), strict=True):
-        if vertex.after.centre is not None:
-            row += [0] * (3 - len(row)) + [decimal(abs(end - start) / 2 * math.tan(vertex.after.turn / 4))]
     return rows
 
 

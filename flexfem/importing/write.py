@@ -22,12 +22,13 @@ from flexfem.importing.equal import (
 from flexfem.importing.found import FoundBody, FoundHinge, FoundPlate
 from flexfem.importing.outline import (
     HingeSize,
+    PlacedVertex,
     Term,
-    Vertex,
     decimal,
     hinge_ends,
     number_text,
     outline_rows,
+    placed_vertices,
     row_text,
     vertices_of,
 )
@@ -209,23 +210,23 @@ class _Writer:
         if circle is not None:
             lines += _disc(*circle)
         else:
-            vertices = vertices_of(body.outside, hinge_ends(self.joints, index))
-            lines += _corners(outline_rows(vertices, self._sizes()))
+            vertices = self._vertices(body.outside, index)
+            lines += _corners(outline_rows(vertices))
             if index in self.roles.clamped:
                 lines.append(f"clamped_edges = {self._clamped(vertices, index)}")
         for hole in body.holes:
             lines += ["", "[[body.holes]]"]
             circle = circle_of(hole)
-            lines += _disc(*circle) if circle is not None else _corners(self._hole(hole, index))
+            lines += _disc(*circle) if circle is not None else _corners(outline_rows(self._vertices(hole, index)))
         return "\n".join(lines)
 
-    def _hole(self, hole: Sequence[Segment], body: int) -> list[list[float | str]]:
-        return outline_rows(vertices_of(hole, hinge_ends(self.joints, body)), self._sizes())
+    def _vertices(self, loop: Sequence[Segment], body: int) -> list[PlacedVertex]:
+        return placed_vertices(vertices_of(loop, hinge_ends(self.joints, body)), self._sizes())
 
-    def _clamped(self, vertices: Sequence[Vertex], body: int) -> list[int]:
+    def _clamped(self, vertices: Sequence[PlacedVertex], body: int) -> list[int]:
         """Return the edges of the written outline on which the clamped segments lie."""
         segments = self.roles.clamped[body]
-        edges = [k + 1 for k, vertex in enumerate(vertices) if set(segments) & set(vertex.after.segments)]
+        edges = [k + 1 for k, vertex in enumerate(vertices) if set(segments) & set(vertex.vertex.after.segments)]
         if not edges:
             place = complex(self.found.bodies[body].outside[segments[0]].at(0.5))
             raise BadInput(

@@ -10,7 +10,7 @@ import pytest
 
 import flexfem as api
 from flexfem.importing.drawings import assembled, report_of
-from flexfem.importing.outline import outline_rows, vertices_of
+from flexfem.importing.outline import outline_rows, placed_vertices, vertices_of
 from flexfem.importing.roles import Wishes
 from flexfem.importing.write import Heading
 from flexfem.mechanism.outlines import Segment, rounded
@@ -141,7 +141,7 @@ def test_names_of_the_report_are_those_of_the_written_copies():
 def test_arcs_and_fillets_are_written_as_they_are_drawn():
     corners, radii, bows = [0j, 30 + 0j, 30 + 20j, 20j], [0.0, 0.0, 0.0, 3.5], [0.0, 4.2, 0.0, 0.0]
     loop = rounded(corners, radii, bows).loop
-    rows = outline_rows(vertices_of(loop, ()), [])
+    rows = outline_rows(placed_vertices(vertices_of(loop, ()), []))
     assert len(rows) == 4
     for corner, radius, bow in zip(corners, radii, bows, strict=True):
         (row,) = [[*row, 0.0, 0.0][:4] for row in rows if abs(complex(*row[:2]) - corner) < 1e-9]
