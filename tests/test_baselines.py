@@ -112,8 +112,8 @@ def test_a_thousandth_in_a_hinge_or_in_the_modulus_moves_the_numbers_of_a_mechan
     def softer(*profile_and_plate):
         return 1.001 * hinge_compliance_of(*profile_and_plate)
 
-    def stiffer(layout, layers=None):
-        return plate_of_layout(layout._replace(youngs_modulus=1.001 * layout.youngs_modulus), layers)
+    def stiffer(layout, layers=None, mesh=None):
+        return plate_of_layout(layout._replace(youngs_modulus=1.001 * layout.youngs_modulus), layers, mesh)
 
     with monkeypatch.context() as planted:
         planted.setattr("flexfem.analytic.plates.hinge_compliance_of", softer)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.plates import hinge_compliance_of, moving_bodies
+from flexfem.analytic.plates import beam_compliances, moving_bodies
 from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout, Port
 from flexfem.mechanism.profiles import SHEAR_CORRECTION, Profile
@@ -117,9 +117,12 @@ class FinitePlate:
         """
         self.strain_at_rest = 0.0  # of the plate without stress, relative to its drawing, but not of the ground
         moving, count = moving_bodies(layout), len(layout.joints)
-        material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
         marks = {profile: divided_profile(profile, BEAMS) for profile in {joint.profile for joint in layout.joints}}
-        stiff = {profile: beam_stiffness(profile, at, *material) for profile, at in marks.items()}
+        kinds = {(joint.profile, layout.material_of(joint)) for joint in layout.joints}
+        stiff = {
+            (profile, material): beam_stiffness(profile, marks[profile], *material[:2], layout.thickness)
+            for profile, material in kinds
+        }
         self.rigid, self.hinges = 3 * len(moving), count
         self.size = self.rigid + 3 * count * (BEAMS - 1)
         place = np.array([joint.place + np.exp(1j * joint.heading) * marks[joint.profile] for joint in layout.joints])
@@ -133,9 +136,10 @@ class FinitePlate:
             centre[at // 3] = place[column == at].mean()
             self.arm[column == at] = place[column == at] - centre[at // 3]
         self.centre = centre  # reference points of the bodies
-        self.chord, self.stiffness = np.diff(place).ravel(), np.concatenate([stiff[j.profile] for j in layout.joints])
+        self.chord = np.diff(place).ravel()
+        self.stiffness = np.concatenate([stiff[one.profile, layout.material_of(one)] for one in layout.joints])
         if hinges is not None:
-            own = np.array([hinge_compliance_of(joint.profile, *material) for joint in layout.joints])
+            own = beam_compliances(layout)
             change = np.sqrt([own[:, row, row] / hinges[:, row, row] for row in (0, 2, 2)])
             change = np.repeat(change.T, BEAMS, axis=0)
             self.stiffness *= change[:, :, None] * change[:, None]

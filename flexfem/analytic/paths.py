@@ -117,6 +117,8 @@ class DrivenPlate(FinitePlate):
         for number, joint in enumerate(layout.joints):
             self.alike.setdefault(joint.profile, []).append(number)
         self.marks = {profile: divided_profile(profile, BEAMS) for profile in self.alike}
+        self.out_of_plane = np.array([layout.material_of(joint).out_of_plane for joint in layout.joints])
+        self.shares = layout.hinge_shares
         self.openings = np.array(layout.drive_ports, dtype=np.int64)
         self.strokes = np.array([actuator.stroke for actuator in layout.actuators])
 
@@ -142,14 +144,18 @@ class DrivenPlate(FinitePlate):
         return found
 
     def plane_stress(self, wrenches: Array) -> Array:
-        """Highest von Mises stress (h,), MPa, in plane stress, of hinges under wrenches (h, beams, 3) of beams."""
+        """Highest von Mises stress (h,), MPa, in plane stress, of hinges under wrenches (h, beams, 3) of beams.
+
+        That of a hinge of another material is multiplied by `Layout.hinge_shares`.
+        """
         found = np.zeros(self.hinges)
-        plate = self.layout.thickness, self.layout.out_of_plane
         for profile, numbers in self.alike.items():
             x = profile.sections
             beam = np.clip(np.searchsorted(self.marks[profile], x, side="right") - 1, 0, BEAMS - 1)
-            found[numbers] = profile.section_stress(x, wrenches[numbers][:, beam], *plate).max(axis=-1)
-        return found
+            ratio = self.out_of_plane[numbers][:, None]
+            stress = profile.section_stress(x, wrenches[numbers][:, beam], self.layout.thickness, ratio)
+            found[numbers] = stress.max(axis=-1)
+        return found * self.shares
 
     def stress(self, q: Array) -> Array:
         """Highest von Mises stress (h,), MPa, of every hinge at unknowns q (size,)."""

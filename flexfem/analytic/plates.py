@@ -45,6 +45,15 @@ def hinge_compliance_of(profile: Profile, E: float, nu: float, thickness: float)
     return profile.compliance(E, nu, thickness)
 
 
+def beam_compliances(layout: Layout) -> Array:
+    """Return the compliances (h, 3, 3) of all hinges at their centres by `Profile.compliance`."""
+    found = list[Array]()
+    for joint in layout.joints:
+        E, nu, *_ = layout.material_of(joint)
+        found.append(hinge_compliance_of(joint.profile, E, nu, layout.thickness))
+    return np.array(found)
+
+
 def to_axes(place: complex, heading: float) -> Array:
     """Return the matrix (3, 3) from twists at the global origin to motions of a point in axes turned by `heading`.
 
@@ -94,8 +103,7 @@ def respond(
     k = len(ports)
     n = k + cases.shape[-1]
     if hinges is None:
-        material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
-        hinges = np.array([hinge_compliance_of(joint.profile, *material) for joint in layout.joints])
+        hinges = beam_compliances(layout)
     centre = complex(np.mean([joint.place for joint in layout.joints]))  # origin of the network, against round-off
     from_axes = np.linalg.inv([to_axes(joint.place - centre, joint.heading) for joint in layout.joints])
     to_hinges = from_axes.transpose(0, 2, 1)  # of wrenches
@@ -130,17 +138,24 @@ def respond(
 
 
 def warmed(
-    layout: Layout, expansion: float, ground: float, bodies: Sequence[ElasticBody] = (), hinges: Array | None = None
+    layout: Layout,
+    expansion: float,
+    ground: float,
+    bodies: Sequence[ElasticBody] = (),
+    hinges: Array | None = None,
+    of_parts: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return motions (k, 3) of the ports and wrenches (h, 3, 3) of the hinges after a change of temperature.
 
     The cases are 1 K, 1 K per mm along x and 1 K per mm along y, about the origin. `expansion` of the plate in
     the plane and of the `ground`, 1/K: fixed bodies move as a free plate of the latter, a part of the motions.
+    of_parts : those of all bodies, then of all hinges, if they differ from that of the plate.
 
     Notes
     -----
     The free displacements z, z^2 / 2 and -i z^2 / 2 per strain, complex, have no stress. The ends of hinges at the
-    ground, or the clamped edges of a body at their middle, do not follow, and hinges open by the difference.
+    ground, or the clamped edges of a body at their middle, do not follow, and hinges open by the difference. So they
+    do between bodies that expand unlike them.
     """
     turned, moving = np.array([0.0, 1.0, -1.0j]), moving_bodies(layout)
 
@@ -148,25 +163,31 @@ def warmed(
         z = np.array([point, point**2 / 2, -1j * point**2 / 2])
         return np.stack([z.real, z.imag, (point * turned).imag])
 
-    clamps = {
-        number: (ground - expansion) * ground_motions(np.mean([body.outline[edge].at(0.5) for edge in body.clamped]))
-        for number, body in enumerate(layout.bodies)
-        if body.clamped
-    }
+    count = len(layout.bodies)
+    rates = np.full(count + len(layout.joints), expansion) if of_parts is None else of_parts
+    clamps = dict[int, Array]()
+    for number, one in enumerate(layout.bodies):
+        if one.clamped:
+            middle = np.mean([one.outline[edge].at(0.5) for edge in one.clamped])
+            clamps[number] = (ground - rates[number]) * ground_motions(middle)
     openings = np.zeros((len(layout.joints), 3, 3))
-    for opening, joint in zip(openings, layout.joints, strict=True):
+    for opening, joint, own in zip(openings, layout.joints, rates[count:], strict=True):
         for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
-            if body not in moving:
-                end = joint.place + sign * joint.profile.length / 2 * cmath.exp(1j * joint.heading)
-                at_origin = clamps.get(body, (ground - expansion) * ground_motions(end))
-                opening -= sign * to_axes(joint.place, joint.heading) @ at_origin
+            end = joint.place + sign * joint.profile.length / 2 * cmath.exp(1j * joint.heading)
+            of_end = ground_motions(end)
+            unlike = (rates[body] - own) * of_end
+            if body in clamps:
+                unlike = unlike + clamps[body]
+            elif body not in moving:
+                unlike = (ground - own) * of_end
+            opening -= sign * to_axes(joint.place, joint.heading) @ unlike
     found = respond(layout, bodies, hinges=hinges, openings=openings)
     motions, wrenches = found.compliance[:, -3:], found.wrenches[..., -3:]
     for j, port in enumerate(layout.ports):
         for patch, wrench in port.parts:
             outside = patch.body < 0
             mean = free(patch.point) if outside or patch.radius is not None else _mean_expansion(layout, patch)
-            mean = mean * (ground if outside or layout.bodies[patch.body].fixed else expansion)
+            mean = mean * (ground if outside or layout.bodies[patch.body].fixed else rates[patch.body])
             if patch.body in clamps:
                 mean += to_axes(patch.point, 0.0) @ clamps[patch.body]
             motions[j] += np.array(wrench) @ mean
@@ -224,15 +245,27 @@ def hinge_inertia(layout: Layout, joint: Joint) -> Array:
     Its sections move as in its static deflection by the motions of both bodies: of a long clamped leaf whose one end
     moves across, 13 / 35 of the mass counts, where half of it would be a quarter too much.
     """
+    material = layout.material_of(joint)
     x, weights = joint.profile.quadrature
     height = joint.profile.height(x)
     z = x + 1j * joint.profile.middle(x)
     moments = np.stack([np.ones_like(z), z, np.abs(z) ** 2 + height**2 / 12], axis=-1) * (weights * height)[:, None]
-    far = joint.profile.opened_before(layout.poissons_ratio)
+    far = joint.profile.opened_before(material.poissons_ratio)
     shapes = np.concatenate([np.eye(3) - far, far], axis=-1)
-    mass = inertia_of(moments, layout.density * layout.thickness)
+    mass = inertia_of(moments, material.density * layout.thickness)
     to_hinge = np.kron(np.eye(2), to_axes(joint.place, joint.heading))
     return np.asarray(to_hinge.T @ np.sum(np.swapaxes(shapes, 1, 2) @ mass @ shapes, axis=0) @ to_hinge)
+
+
+def body_inertia(layout: Layout, body: int, with_hinges: bool) -> Array:
+    """Return the mass matrix (3, 3), tonne to tonne mm^2, of a body to its hinges, or to their centres."""
+    areal = layout.material_of(layout.bodies[body]).density * layout.thickness
+    total = inertia_of(body_moments(layout, body, hinges=False)[:3], areal)
+    for joint in layout.joints if with_hinges else ():
+        if body in joint.bodies:
+            half = _half_moments(joint, joint.bodies.index(body))[:3]
+            total = total + inertia_of(half, layout.material_of(joint).density * layout.thickness)
+    return total
 
 
 def inertia(layout: Layout, lumped: bool = False) -> tuple[tuple[Port, ...], Array]:
@@ -244,8 +277,7 @@ def inertia(layout: Layout, lumped: bool = False) -> tuple[tuple[Port, ...], Arr
     """
     parts, moving = list[tuple[Patch, Array]](), moving_bodies(layout)
     for body in moving:
-        areal = layout.density * layout.thickness
-        parts.append((Patch(body, 0j), inertia_of(body_moments(layout, body, hinges=lumped)[:3], areal)))
+        parts.append((Patch(body, 0j), body_inertia(layout, body, lumped)))
     parts += [(load.contact, np.diag([load.mass, load.mass, load.inertia])) for load in layout.payloads]
     parts += [(at, np.diag([one.mass / 2] * 2 + [0.0])) for one in layout.actuators for at in one.contacts]
     ports, M = list[Port](), np.zeros((3 * len(parts), 3 * len(parts)))
@@ -283,8 +315,9 @@ def weights(layout: Layout) -> tuple[tuple[Port, ...], Array]:
     parts = [(load.contact, load.mass) for load in layout.payloads]
     parts += [(at, one.mass / 2) for one in layout.actuators for at in one.contacts]
     for body in moving_bodies(layout):
-        area, first = body_moments(layout, body)[:2]
-        parts.append((Patch(body, complex(first / area)), layout.density * layout.thickness * float(area.real)))
+        inertial = body_inertia(layout, body, with_hinges=True)
+        centre = complex(inertial[1, 2], -inertial[0, 2]) / inertial[0, 0]
+        parts.append((Patch(body, centre), float(inertial[0, 0])))
     for contact, mass in parts:
         for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)):
             ports.append(Port("weight", False, ((contact, direction),)))

@@ -245,6 +245,9 @@ def require_expansion(stage: PlateFile, frame: bool = False) -> None:
     """Raise BadInput for a stage or mechanism without an expansion or, if `frame`, for a frame without one."""
     if stage.material.expansion is None:
         raise BadInput(f"material.expansion_um_per_m_k {MISSING} (aluminium 23.6)")
+    for part in stage.layout.parts:
+        if part.material is not None and part.material.expansion is None:
+            raise BadInput(f"{part.key}.material.expansion_um_per_m_k {MISSING}: other parts have another material")
     if frame and isinstance(stage, Stage) and stage.frame.expansion is None:
         reason = "with the expansion of the stage it does not move the platform"
         raise BadInput(f"frame.expansion_um_per_m_k {MISSING} of the frame: {reason}")

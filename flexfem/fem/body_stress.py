@@ -119,7 +119,8 @@ def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
     at = np.zeros((*highest.shape, 2))
     for number, (nodes, stress) in enumerate(zip(response.bodies, response.body_stresses, strict=True)):
         for row, load in enumerate(flat):
-            values: AnyArray = von_mises(np.tensordot(load, stress, axes=1), response.ratio).reshape(len(nodes), -1)
+            ratio = response.ratio_of(moving_bodies(layout)[number])
+            values: AnyArray = von_mises(np.tensordot(load, stress, axes=1), ratio).reshape(len(nodes), -1)
             by_node = values.max(axis=1)
             for patch in _loaded_points(layout, moving_bodies(layout)[number], load):
                 centre = [patch.point.real, patch.point.imag]
@@ -156,9 +157,10 @@ def point_stress(response: Response, layout: Layout, loads: Array) -> Array:
         if not len(triangles):
             continue
         nodes, weights = _interpolation(mesh.nodes, triangles, patch.point)
-        stress = nodal_stress(mesh, plate, response.nodal, np.sort(nodes), layers)[:, np.argsort(np.argsort(nodes))]
+        of_nodes = nodal_stress(mesh, plate, response.nodal, np.sort(nodes), layers, part=patch.body)
+        stress = of_nodes[:, np.argsort(np.argsort(nodes))]
         at_point = np.tensordot(weights, stress, axes=(0, 1))
-        values = von_mises(np.tensordot(flat, at_point, axes=1), response.ratio)
+        values = von_mises(np.tensordot(flat, at_point, axes=1), response.ratio_of(patch.body))
         found[:, number] = values.reshape(len(flat), -1).max(axis=1)
     return found.reshape(*np.shape(loads)[:-1], len(layout.points))
 

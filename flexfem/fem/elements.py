@@ -6,8 +6,8 @@ element has psi = 1. The stiffness of two nodes of the plane is a sum of product
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,15 +25,36 @@ CACHED = 400  # triangles whose matrices are computed at once: they fit the cach
 
 
 class Plate(NamedTuple):
-    """A homogeneous isotropic plate: Young's modulus (MPa), Poisson's ratio, thickness (mm)."""
+    """A plate of isotropic material: Young's modulus (MPa), Poisson's ratio, thickness (mm).
 
-    youngs_modulus: float
-    poissons_ratio: float
+    The elastic constants are numbers, or arrays (m,) of the triangles of a mesh whose parts have different materials.
+    """
+
+    youngs_modulus: Any
+    poissons_ratio: Any
     thickness: float
 
-    def lame(self, axes: int) -> tuple[float, float]:
-        """Lame constants, MPa, for 3 axes, or for plane stress with 2: `lambda* = E nu / (1 - nu^2)`, same mu."""
+    @property
+    def mixed(self) -> bool:
+        """Whether triangles have different materials."""
+        return bool(np.ndim(self.youngs_modulus))
+
+    def of(self, triangles: Index | slice) -> Plate:
+        """Return the plate of chosen triangles."""
+        if not self.mixed:
+            return self
+        return self._replace(
+            youngs_modulus=self.youngs_modulus[triangles], poissons_ratio=self.poissons_ratio[triangles]
+        )
+
+    def lame(self, axes: int, dimensions: int = 1) -> tuple[Any, Any]:
+        """Lame constants, MPa, for 3 axes, or for plane stress with 2: `lambda* = E nu / (1 - nu^2)`, same mu.
+
+        Those of triangles have the shape (m, 1, ...) of an array with so many dimensions, of which it is the first.
+        """
         e, nu = self.youngs_modulus, self.poissons_ratio
+        if self.mixed:
+            e, nu = (np.reshape(each, (-1, *[1] * (dimensions - 1))) for each in (e, nu))
         return e * nu / ((1 - nu**2) if axes == 2 else (1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
 
 
@@ -141,18 +162,26 @@ class ElementBatch(NamedTuple):
     gradients : (e, 6 nodes, 2, q points), 1/mm, of the shape functions.
     weights : (e, q), mm^2, quadrature weights times Jacobian determinant.
     phi : (6, q), shape functions.
+    first : number of the first of them among the triangles of the mesh.
     """
 
     triangles: Index
     gradients: Array
     weights: Array
     phi: Array
+    first: int = 0
+
+    @property
+    def numbers(self) -> slice:
+        """Numbers of the triangles in the mesh."""
+        return slice(self.first, self.first + len(self.triangles))
 
     def pieces(self, size: int = CACHED) -> Iterator[ElementBatch]:
         """Yield the batch in pieces of at most `size` triangles."""
         for start in range(0, len(self.triangles), size):
             part = slice(start, start + size)
-            yield ElementBatch(self.triangles[part], self.gradients[part], self.weights[part], self.phi)
+            first = self.first + start
+            yield ElementBatch(self.triangles[part], self.gradients[part], self.weights[part], self.phi, first)
 
     def assembly(self, nodes: int) -> tuple[Index, sp.csc_array]:
         """Nodes (c,) of these triangles in a mesh of `nodes`, and the matrix (c, 6 e) that sums element values."""
@@ -190,26 +219,32 @@ class ElementBatch(NamedTuple):
     def stiffness(self, plate: Plate, axes: int) -> Array:
         """Coefficients (e, 6, 6, l, d, d) of the l matrices of the line in the stiffness between nodes of the plane.
 
+        plate : of these triangles.
+
         Notes
         -----
         The weak form is `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`; with `g = int d_a phi_i d_b phi_j dA` its
         plane part is `lambda g_ab + mu g_ba + mu delta_ab g_cc`.
         """
-        (lame, mu), e, phi = plate.lame(axes), len(self.triangles), self.phi
+        e, phi = len(self.triangles), self.phi
+        lame, mu = plate.lame(axes, 3)
         root = (self.gradients * np.sqrt(self.weights)[:, None, None]).reshape(e, 12, -1)
         g = (root @ root.transpose(0, 2, 1)).reshape(e, 6, 2, 6, 2)
         laplace = mu * (g[:, :, 0, :, 0] + g[:, :, 1, :, 1])
-        plane = lame * g + mu * g.transpose(0, 1, 4, 3, 2)
+        stretched, sheared = plate.lame(axes, 5)
+        plane = stretched * g + sheared * g.transpose(0, 1, 4, 3, 2)
         for axis in range(2):
             plane[:, :, axis, :, axis] += laplace
         plane = plane.transpose(0, 1, 3, 2, 4)
         if axes == 2:
-            return plane[:, :, :, None]
+            return np.asarray(plane[:, :, :, None])
         blocks = np.zeros((e, 6, 6, 4, 3, 3))
         blocks[..., 0, :2, :2], blocks[..., 0, 2, 2] = plane, laplace
         a = np.einsum("eiaq,jq,eq->eija", self.gradients, phi, self.weights, optimize=True)
         mass, transposed = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True), a.swapaxes(1, 2)
-        blocks[..., 1, range(3), range(3)] = mass[..., None] * [mu, mu, lame + 2 * mu]
+        for axis, modulus in enumerate((mu, mu, lame + 2 * mu)):
+            blocks[..., 1, axis, axis] = mass * modulus
+        lame, mu = plate.lame(axes, 4)
         blocks[..., 2, :2, 2], blocks[..., 2, 2, :2] = lame * a, mu * a
         blocks[..., 3, :2, 2], blocks[..., 3, 2, :2] = mu * transposed, lame * transposed
         return blocks
@@ -222,14 +257,17 @@ def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]
     for start in range(0, len(mesh.triangles), CHUNK):
         part = mesh.triangles[start : start + CHUNK]
         slopes, determinant = gradients(mesh.nodes[part], points)
-        batches.append(ElementBatch(part, slopes, np.abs(determinant) * rule, phi))
+        batches.append(ElementBatch(part, slopes, np.abs(determinant) * rule, phi, start))
     return batches
 
 
 def stress_tensor(plate: Plate, slopes: Array) -> Array:
-    """Stress (..., d, d, q), MPa, of displacement gradients `d_b u_a` (..., d, d, q): plane for d = 2, else solid."""
+    """Stress (..., d, d, q), MPa, of displacement gradients `d_b u_a` (..., d, d, q): plane for d = 2, else solid.
+
+    The gradients are (..., e, d, d, q) of a plate whose e triangles have different materials.
+    """
     axes = range(slopes.shape[-2])
-    lame, mu = plate.lame(len(axes))
+    lame, mu = plate.lame(len(axes), 2)[0], plate.lame(len(axes), 4)[1]
     stress = mu * (slopes + np.swapaxes(slopes, -3, -2))
     trace = lame * sum(slopes[..., a, a, :] for a in axes)
     for a in axes:
@@ -302,26 +340,60 @@ def nodal_stress(
     chosen: Index | None = None,
     layers: Layers | None = None,
     strain: Callable[[Array], Array] | None = None,
+    part: int | None = None,
 ) -> Array:
     """Stress (..., c, 2, 2), MPa, at all or chosen nodes (c,) of fields (..., n, 2), mm, averaged over the elements.
 
     With layers the stress is (..., c, m, 3, 3) and fields are (..., n, m, 3). `strain` is a function of displacement
-    gradients; by default it is their symmetric part.
+    gradients; by default it is their symmetric part. Of a plate with different materials, elements of the body `part`
+    alone count, whose nodes are chosen: the stress is not continuous between materials.
     """
     line, n = (layers or sheet(plate.thickness)).at_nodes, len(mesh.nodes)
     m, d = len(line.heights), line.axes
     chosen, near = np.arange(n) if chosen is None else chosen, np.zeros(n, dtype=bool)
     near[chosen] = True
-    triangles = mesh.triangles[near[mesh.triangles].any(axis=1)]
+    adjoining = near[mesh.triangles].any(axis=1)
+    if plate.mixed and part is not None:
+        adjoining &= mesh.bodies == part
+    numbers = np.flatnonzero(adjoining)
+    triangles = mesh.triangles[numbers]
     flat = fields.reshape(-1, n, m * d)
     k, total = len(flat), np.zeros((n, len(flat) * m * d * d))
     for start in range(0, len(triangles), CACHED):
-        part = triangles[start : start + CACHED]
-        batch = ElementBatch(part, gradients(mesh.nodes[part], NODES)[0], np.empty((len(part), 0)), np.eye(6))
+        some = slice(start, start + CACHED)
+        own_nodes = triangles[some]
+        batch = ElementBatch(
+            own_nodes, gradients(mesh.nodes[own_nodes], NODES)[0], np.empty((len(own_nodes), 0)), np.eye(6)
+        )
         slopes = batch.slopes(line, flat)
-        stress = stress_tensor(plate, slopes if strain is None else strain(slopes)).reshape(k, -1, d, d, 6, m)
+        material = plate.of(numbers[some])
+        stress = stress_tensor(material, slopes if strain is None else strain(slopes)).reshape(k, -1, d, d, 6, m)
         own, assembly = batch.assembly(n)
-        total[own] += assembly @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(part.size, -1)
+        total[own] += assembly @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(own_nodes.size, -1)
     adjacent = np.bincount(triangles.ravel(), minlength=n)[chosen]
     mean = np.moveaxis((total[chosen] / adjacent[:, None]).reshape(len(chosen), k, -1), 1, 0)
     return np.asarray(mean.reshape(*fields.shape[: -2 if layers is None else -3], len(chosen), *[m] * (d == 3), d, d))
+
+
+def part_stresses(
+    mesh: StageMesh,
+    plate: Plate,
+    fields: Array,
+    nodes_of: Sequence[Index],
+    numbers: Sequence[int],
+    layers: Layers | None = None,
+    strain: Callable[[Array], Array] | None = None,
+) -> list[Array]:
+    """Return the stress as `nodal_stress` at the nodes of each of several parts, whose `numbers` are those of `bodies`.
+
+    Of a plate of one material all adjoining elements count, otherwise those of the part alone.
+    """
+    if not len(nodes_of):
+        return []
+    if plate.mixed:
+        pairs = zip(nodes_of, numbers, strict=True)
+        return [nodal_stress(mesh, plate, fields, nodes, layers, strain, part) for nodes, part in pairs]
+    used = np.unique(np.concatenate(nodes_of))
+    stress = nodal_stress(mesh, plate, fields, used, layers, strain)
+    after = fields.ndim - (2 if layers is None else 3)
+    return [np.take(stress, np.searchsorted(used, nodes), axis=after) for nodes in nodes_of]

@@ -51,7 +51,8 @@ def _plate_deck(mesh: StageMesh, layout: Layout) -> Iterator[str]:
         for force in forces_on_ports(layout, mesh)
     )
     yield from (f"** step {k}: unit load on {port.label}" for k, port in enumerate(layout.ports, start=1))
-    yield from _lines(mesh, plate_of_layout(layout), "plate", {"ground": held_nodes(layout, mesh)}, loads)
+    plate = plate_of_layout(layout, mesh=mesh)
+    yield from _lines(mesh, plate, "plate", {"ground": held_nodes(layout, mesh)}, loads)
 
 
 def _lines(
@@ -74,14 +75,28 @@ def _lines(
         numbers = (nodes + 1).tolist()
         for start in range(0, len(numbers), PER_LINE):
             yield ", ".join(map(str, numbers[start : start + PER_LINE])) + ","
-    yield from ("*MATERIAL, NAME=sheet", "*ELASTIC", f"{_field(plate.youngs_modulus)}, {_field(plate.poissons_ratio)}")
-    yield from (f"*SOLID SECTION, ELSET={name}, MATERIAL=sheet", _field(plate.thickness))
+    yield from _materials(plate, name)
     yield from ties
     yield from ("*BOUNDARY", "ground, 1, 2")
     for load in loads:
         yield from ("*STEP", "*STATIC", "*CLOAD, OP=NEW", *load, "*NODE PRINT, NSET=all", "U")
         yield from ("*NODE PRINT, NSET=platform", "U") if pose else ()
         yield from ("*NODE PRINT, NSET=ground, TOTALS=YES", "RF", "*EL FILE", "S", "*END STEP")
+
+
+def _materials(plate: Plate, name: str) -> Iterator[str]:
+    """Yield the materials of a plate; those of parts with different ones have element sets by number."""
+    constants = np.reshape([plate.youngs_modulus, plate.poissons_ratio], (2, -1))
+    values, number = np.unique(constants, axis=1, return_inverse=True)
+    for k, (E, nu) in enumerate(values.T):
+        material, group = (f"sheet{k + 1}", f"{name}{k + 1}") if plate.mixed else ("sheet", name)
+        if plate.mixed:
+            yield f"*ELSET, ELSET={group}"
+            elements = (np.flatnonzero(np.ravel(number) == k) + 1).tolist()
+            for start in range(0, len(elements), PER_LINE):
+                yield ", ".join(map(str, elements[start : start + PER_LINE])) + ","
+        yield from (f"*MATERIAL, NAME={material}", "*ELASTIC", f"{_field(E)}, {_field(nu)}")
+        yield from (f"*SOLID SECTION, ELSET={group}, MATERIAL={material}", _field(plate.thickness))
 
 
 def _field(value: float) -> str:

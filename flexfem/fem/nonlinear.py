@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.body_stress import SIDES
-from flexfem.fem.elements import ElementBatch, Plate, assembled, nodal_stress, stress_tensor, von_mises
+from flexfem.fem.body_stress import SIDES, moving_bodies
+from flexfem.fem.elements import ElementBatch, Plate, assembled, part_stresses, stress_tensor, von_mises
 from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
@@ -54,7 +54,8 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
 
     with the material stiffness in line 1 and the geometric stiffness in line 2. At rest it is `ElementBatch.stiffness`.
     """
-    (lame, mu), count, weight = plate.lame(2), len(batch.triangles), batch.weights[:, None, None]
+    count, weight = len(batch.triangles), batch.weights[:, None, None]
+    lame, mu = plate.of(batch.numbers).lame(2, 5)
     root = batch.gradients * np.sqrt(weight)  # (e, i, A, q)
     deformation = slopes + np.eye(2)[:, :, None]
     products = deformation[:, None, :, :, None] * root[:, :, None, None]  # F_aA d_C phi_i: (e, i, a, A, C, q)
@@ -63,7 +64,7 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
     k = (lame * m + mu * (m.transpose(0, 1, 4, 3, 2) + f)).transpose(0, 1, 3, 2, 4)
     stressed = np.einsum("eABq,eiBq->eiAq", stress * weight, batch.gradients, optimize=True).reshape(count, 6, -1)
     k[..., range(2), range(2)] += (stressed @ batch.gradients.reshape(count, 6, -1).transpose(0, 2, 1))[..., None]
-    return k[:, :, :, None]
+    return np.asarray(k[:, :, :, None])
 
 
 class State(NamedTuple):
@@ -195,7 +196,9 @@ class LargeStructure:
         self.factorise = Factoriser(structure.order(), structure.poses)
         self.contacts, self.free = contacts, 2 * len(structure.free)
         plate = structure.plate
-        self.initial = residual * (1 - plate.poissons_ratio) / plate.youngs_modulus * np.eye(2)[:, :, None]
+        self.initial = np.zeros((2, 2, 1))
+        if residual:  # of a plate of one material
+            self.initial = residual * (1 - plate.poissons_ratio) / plate.youngs_modulus * np.eye(2)[:, :, None]
 
     def motions(self, state: State) -> Array:
         """Displacements and rotations (k,) where loads act, mm and rad: the pose of the hub or those of the ports."""
@@ -229,16 +232,17 @@ class LargeStructure:
         """Return the state of displacements (n, 2), mm, with those of the hub replaced by the motion of the pose."""
         field = field.copy()
         field[self.structure.hub] = self.hub_motion(pose)[0]
-        stress = [self.stress(green_lagrange(H)) for H in self._slopes(field)]
+        parts = zip(self.structure.batches, self._slopes(field), strict=True)
+        stress = [self.stress_of(batch, green_lagrange(slopes)) for batch, slopes in parts]
         ports = len(self.contacts.wrenches) if self.contacts else 3
         return State(pose, field, stress, np.zeros(ports), np.zeros(len(self.contacts.arm) if self.contacts else 0))
 
-    def stress(self, strain: Array) -> Array:
-        """Second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of strains, with the residual stress."""
-        return stress_tensor(self.structure.plate, strain + self.initial)
-
     def _slopes(self, field: Array) -> list[Array]:
         return [batch.slopes(self.structure.line, field[None])[0] for batch in self.structure.batches]
+
+    def stress_of(self, batch: ElementBatch, strain: Array) -> Array:
+        """Second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of strains of a batch, with the residual stress."""
+        return stress_tensor(self.structure.plate.of(batch.numbers), strain + self.initial)
 
     def nodal(self, state: State, slopes: list[Array]) -> Array:
         """Nodal forces (n, 2), N, that balance the stress of a state with displacement gradients by batch."""
@@ -252,7 +256,8 @@ class LargeStructure:
         """Return forces, energy and strain of the displacements of a state; its stress is not used."""
         structure, slopes = self.structure, self._slopes(state.field)
         strains = [green_lagrange(H) for H in slopes]
-        consistent = state._replace(stress=[self.stress(strain) for strain in strains])
+        stress = [self.stress_of(batch, strain) for batch, strain in zip(structure.batches, strains, strict=True)]
+        consistent = state._replace(stress=stress)
         forces = self.nodal(consistent, slopes)
         on_hub = forces[structure.hub].ravel() @ self.hub_jacobian(state.pose)
         parts = zip(strains, consistent.stress, structure.batches, strict=True)
@@ -358,13 +363,15 @@ def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
     It is that of the second Piola-Kirchhoff stress, whose axes turn with the material; strains are small. The nodes are
     those of `ports.hinge_stress` and of `body_stress.body_nodes`.
     """
-    structure = model.structure
-    parts = [*model.regions, *model.bodies]
-    used = np.unique(np.concatenate(parts))
-    stress = von_mises(nodal_stress(structure.mesh, structure.plate, field, used, strain=green_lagrange), model.ratio)
-    highest = [float(stress[np.searchsorted(used, nodes)].max()) for nodes in parts]
-    hinges = len(model.regions)
-    return np.array(highest[:hinges]), np.array(highest[hinges:])
+    mesh, plate, layout = model.structure.mesh, model.structure.plate, model.layout
+    bodies, hinges = moving_bodies(layout), len(model.regions)
+    numbers = [*(len(layout.bodies) + np.arange(hinges)).tolist(), *bodies]
+    stresses = part_stresses(mesh, plate, field, [*model.regions, *model.bodies], numbers, strain=green_lagrange)
+    materials = layout.materials
+    highest = np.zeros(len(numbers))
+    for k, (stress, part) in enumerate(zip(stresses, numbers, strict=True)):
+        highest[k] = von_mises(stress, materials[part].out_of_plane).max()
+    return highest[:hinges], highest[hinges:]
 
 
 def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> float:
@@ -479,7 +486,7 @@ def _step(model: LargeStructure, state: State, goal: Array, held: Sequence[int])
         largest = np.maximum(largest, np.max(np.abs(changes)))  # propagates nan
         half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)  # F' dH
         rate = (half + np.swapaxes(half, -3, -2)) / 2
-        stress.append(model.stress(green_lagrange(slopes) + rate))
+        stress.append(model.stress_of(batch, green_lagrange(slopes) + rate))
     size = float(np.sqrt(abs(change @ residual)))
     turn = model.contacts.turns(moved[structure.free].ravel(), state.turn) if model.contacts else state.turn
     state = State(pose, moved, stress, load, turn)

@@ -76,7 +76,8 @@ def _marks(layout: Layout, number: int) -> _Marks:
         profile, left = joint.sided
         marks.append((joint.place, joint.place + joint.profile.length * left, ("left", profile)))
     for k, edge in enumerate(edge for loop in (body.outline, *body.holes) for edge in loop):
-        marks += [(complex(edge.at(0.5)), end, ("edge", k in body.clamped)) for end in (edge.start, edge.end)]
+        kind = ("edge", k in body.clamped, body.material)
+        marks += [(complex(edge.at(0.5)), end, kind) for end in (edge.start, edge.end)]
     return _Marks(np.array([mark[:2] for mark in marks]), np.array([hash(mark[2]) for mark in marks]))
 
 
@@ -104,7 +105,10 @@ def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
 
     Hinges are alike if they have one profile and end at rigid bodies on the same sides, see `plate.end_lines`.
     """
-    kinds = [(joint.profile, *(layout.bodies[body].fixed for body in joint.bodies)) for joint in layout.joints]
+    kinds = [
+        (joint.profile, joint.material, *(layout.bodies[body].fixed for body in joint.bodies))
+        for joint in layout.joints
+    ]
     found = {kind: _hinge(layout, mesh, kinds.index(kind)) for kind in dict.fromkeys(kinds)}
     return np.array([found[kind] for kind in kinds]).reshape(-1, 3, 3)
 
@@ -114,7 +118,8 @@ def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
     z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
     part = part._replace(nodes=np.column_stack([z.real, z.imag]))
     near, far = (nodes_on(part, f"end {number} {side}") for side in ("near", "far"))
-    C = factorised_whole(structure(part, plate_of_layout(layout), held=near, sections=[far])).response().compliance
+    plate = plate_of_layout(layout, mesh=part)
+    C = factorised_whole(structure(part, plate, held=near, sections=[far])).response().compliance
     if joint.profile.symmetric:
         C[0, 1:] = C[1:, 0] = 0.0
     return C
@@ -139,7 +144,7 @@ def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:
     sections = [nodes_on(part, f"end {one.hinge} {'far' if one.far else 'near'}") for one in at if isinstance(one, End)]
     held = np.unique(part.edges["clamped"]) if clamped else np.concatenate([NONE, *sections[:1]])
     moving = sections if clamped else sections[1:]
-    whole = structure(part, plate_of_layout(layout), held=held, sections=moving)
+    whole = structure(part, plate_of_layout(layout, mesh=part), held=held, sections=moving)
 
     def loads(patch: Patch) -> Array:
         return whole.loads(contact_forces(layout, part, patch))

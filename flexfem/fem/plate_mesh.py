@@ -192,7 +192,7 @@ def symmetry_of(layout: Layout) -> list[Move]:
     marks = list[tuple[complex, complex, Hashable]]()
     for body in (body for body in layout.bodies if not body.fixed):
         for k, edge in enumerate(edge for loop in (body.outline, *body.holes) for edge in loop):
-            kind, centre = (body.width, k in body.clamped), edge.centre
+            kind, centre = (body.width, body.material, k in body.clamped), edge.centre
             if centre is None:
                 marks += [((edge.start + edge.end) / 2, end, kind) for end in (edge.start, edge.end)]
             else:  # wherever circles are divided into arcs
@@ -202,7 +202,7 @@ def symmetry_of(layout: Layout) -> list[Move]:
         is_even = all(np.allclose(of(x), of(-x), 1e-9) for of in (one.profile.height, one.profile.middle))
         profile, left = one.sided
         ways = (ahead, -ahead) if is_even else (ahead,)
-        marks += [(one.place, one.place + way, (profile, one.cut)) for way in ways]
+        marks += [(one.place, one.place + way, (profile, one.cut, one.material)) for way in ways]
         marks.append((one.place, one.place + left, (profile, one.cut, "left")))
     count = len(layout.joints)
     if not count:

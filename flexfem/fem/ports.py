@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.body_stress import body_nodes
-from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, von_mises
+from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, stress_tensor, von_mises
 from flexfem.fem.fields import highest_stress
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
@@ -30,12 +30,25 @@ SUBDIVISION_AT_HINGE = 16  # the same where the end of a hinge crosses: drift is
 SLIVER = 1e-9  # of a part of a body that is no more than a point: its second moment, per that about a remote point
 
 
-def plate_of_layout(layout: Layout, layers: Layers | None = None) -> Plate:
-    """Return the plate of the plane problem, or with layers the material itself."""
-    E, nu, ratio = layout.youngs_modulus, layout.poissons_ratio, layout.out_of_plane
-    return (
-        Plate(E, nu, layout.thickness) if layers is None else Plate(E * (1 - ratio**2), ratio or nu, layout.thickness)
-    )
+def plate_of_layout(layout: Layout, layers: Layers | None = None, mesh: StageMesh | None = None) -> Plate:
+    """Return the plate of the plane problem, or with layers the material itself.
+
+    mesh : with the parts of the layout, for elastic constants of its triangles; needed if these differ.
+    """
+    if layout.mixed and mesh is not None:
+        E, nu, ratio = np.array([[*one[:2], one.out_of_plane] for one in layout.materials])[mesh.bodies].T
+    else:
+        E, nu, ratio = layout.youngs_modulus, layout.poissons_ratio, layout.out_of_plane
+    if layers is None:
+        return Plate(E, nu, layout.thickness)
+    return Plate(E * (1 - ratio**2), np.where(ratio, ratio, nu) if np.ndim(nu) else ratio or nu, layout.thickness)
+
+
+def density_of_layout(layout: Layout, mesh: StageMesh) -> float | Array:
+    """Return the density, tonne/mm^3, of a layout, or those of the triangles of a mesh if its parts differ."""
+    if not layout.mixed:
+        return layout.density
+    return np.array([one.density for one in layout.materials])[mesh.bodies]
 
 
 def held_nodes(layout: Layout, mesh: StageMesh) -> Index:
@@ -149,7 +162,8 @@ class PlateModel(Factorised):
         plane = [contact_forces(self.layout, self.mesh, patch, lifting) for patch, _, _ in bodies]
         forces = [through_thickness(self.structure, each) for each in plane]
         loads = [np.zeros((self.structure.size, 0)), *map(self.structure.loads, forces)]
-        return mass_of(self.structure, self.layout.density, np.diag(np.ravel(inertia)), at=np.hstack(loads))
+        density = density_of_layout(self.layout, self.structure.mesh)
+        return mass_of(self.structure, density, np.diag(np.ravel(inertia)), at=np.hstack(loads))
 
 
 def through_thickness(structure: Structure, plane: Array) -> Array:
@@ -186,20 +200,32 @@ def hinge_stress(response: Response, loads: Array) -> Array:
     without a fillet, the stress is singular: it grows without limit as the mesh is refined.
     """
     flat = np.reshape(loads, (-1, len(response.nodal)))
-    highest = [highest_stress(stress, flat, response.ratio).max(axis=1) for stress in response.stresses]
+    highest = [
+        highest_stress(stress, flat, response.ratio_of(part)).max(axis=1)
+        for stress, part in zip(response.stresses, response.hinge_numbers, strict=True)
+    ]
     return np.reshape(np.transpose(highest), (*np.shape(loads)[:-1], len(highest)))
 
 
-def warm_stress(response: Response, across: float = 0.0) -> Array:
+def warm_stress(response: Response, across: ArrayLike = 0.0, unlike: ArrayLike = 0.0) -> Array:
     """Highest von Mises stress (3 cases, h), MPa, at the nodes of every hinge as in `hinge_stress`, after `warmed`.
 
-    across : MPa, stress out of the plane per kelvin besides that of plane strain.
+    across : () or (h,), MPa, stress out of the plane per kelvin besides that of plane strain.
+    unlike : () or (h,), 1/K, expansion of the hinges less that of the plate.
     """
-    places = response.structure.mesh.nodes
+    mesh, plate = response.structure.mesh, response.structure.plate
+    places = mesh.nodes
+    numbers = response.hinge_numbers
+    across, unlike = (np.broadcast_to(each, len(numbers)) for each in (across, unlike))
     highest = [np.zeros((len(HEAT_CASES), 0))]
-    for nodes, stress in zip(response.regions, response.stresses, strict=True):
+    for k, (nodes, stress) in enumerate(zip(response.regions, response.stresses, strict=True)):
         temperature = np.vstack([np.ones(len(nodes)), places[nodes].T])
-        values = von_mises(stress, response.ratio, across * temperature)
+        axes = stress.shape[-1]
+        lame, mu = plate.of(np.flatnonzero(mesh.bodies == numbers[k])[:1]).lame(axes)
+        free = np.ravel((axes * lame + 2 * mu) * unlike[k] * temperature).reshape(temperature.shape)
+        free = free[:, :, None, None] * np.eye(axes)
+        stress = stress - (free if axes == 2 else free[:, :, None])
+        values = von_mises(stress, response.ratio_of(numbers[k]), across[k] * temperature)
         highest.append(values.reshape(len(values), -1).max(axis=1)[:, None])
     return np.hstack(highest)
 
@@ -212,7 +238,7 @@ def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -
     moving = ~_is_fixed(layout, mesh)
     part = mesh._replace(triangles=mesh.triangles[moving], bodies=mesh.bodies[moving])
     held = held_nodes(layout, mesh)
-    whole = structure(part, plate_of_layout(layout, layers), layers, held=held)
+    whole = structure(part, plate_of_layout(layout, layers, part), layers, held=held)
     lifting = whole.line.fixed
     output = layout.points[0][1]
     plane = contact_forces(layout, mesh, output, True) if lifting else forces_on_ports(layout, mesh)
@@ -243,12 +269,17 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
     return plate_model(layout, mesh, layers).response()
 
 
-def warmed(model: PlateModel, expansion: float, ground_expansion: float) -> Response:
+def warmed(model: PlateModel, expansion: float, ground_expansion: float, of_parts: Array | None = None) -> Response:
     """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K, of the plane problem or with layers.
 
     The ground expands about the origin as a free body of its own material; motions include this.
+    of_parts : expansions of all bodies, then of all hinges, if they differ from that of the plate.
     """
     response = model.warmed().under((ground_expansion - expansion) * HEAT_CASES)
+    if of_parts is not None:
+        unlike = (of_parts - expansion)[model.structure.mesh.bodies]
+        strained = model.response(_loads_of_expansion(model.structure, unlike))
+        response = replace(response, nodal=response.nodal + strained.nodal)
     free = expansion * np.tensordot(HEAT_CASES, free_displacement(model.mesh.nodes, model.structure.layers), axes=1)
     forces = model.port_forces.reshape(len(model.port_forces), -1)
     motions = forces @ (response.nodal + free).reshape(len(free), -1).T
@@ -257,6 +288,19 @@ def warmed(model: PlateModel, expansion: float, ground_expansion: float) -> Resp
             moved = HEAT_CASES @ free_displacement(np.array([[at.real, at.imag]]))[:, 0]  # outside the plate
             motions[k] += ground_expansion * np.column_stack([moved, [0.0, at.imag, -at.real]]) @ wrench
     return replace(response, motions=motions)
+
+
+def _loads_of_expansion(structure: Structure, expansion: Array) -> Array:
+    """Loads (size, 3) that balance the free expansions (e,), 1/K, of triangles in `HEAT_CASES`."""
+    line, nodes = structure.line, structure.mesh.nodes
+    forces = np.zeros((3, len(nodes), *structure.shape))
+    for piece in (piece for batch in structure.batches for piece in batch.pieces()):
+        x, y = np.einsum("iq,eid->deq", piece.phi, nodes[piece.triangles])
+        strain = expansion[piece.numbers][:, None] * np.stack([np.ones_like(x), x, y])
+        strain = np.repeat(strain, len(line.weights), axis=-1)
+        free = strain[:, :, None, None] * np.eye(line.axes)[:, :, None]
+        piece.add_forces(forces, line, stress_tensor(structure.plate.of(piece.numbers), free))
+    return structure.loads(forces)
 
 
 def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> Modes:

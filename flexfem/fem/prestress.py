@@ -86,7 +86,8 @@ def prestress_by(model: PlateModel, load: Array, held: tuple[int, ...] = (), res
     at, turned = contacts(model).change_of_loads(np.zeros(structure.size), load)
 
     def stress_of(batch: ElementBatch) -> Array:
-        return stress_tensor(structure.plate, batch.slopes(structure.line, field[None])[0]) + initial
+        plate = structure.plate.of(batch.numbers)
+        return stress_tensor(plate, batch.slopes(structure.line, field[None])[0]) + initial
 
     squares = fourths = 0.0
     for batch in structure.batches:

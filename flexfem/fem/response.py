@@ -14,6 +14,7 @@ frame less that of the material. A gradient through the thickness is antisymmetr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import Layers, Plate, nodal_stress
+from flexfem.fem.elements import Layers, Plate, part_stresses
 from flexfem.fem.mesh import Sector, StageMesh, joined, nodes_on
 from flexfem.fem.structure import Mass, Structure, structure
 from flexfem.fem.symmetry import Space, chain_values, full_space, harmonic_spaces, whole_fields
@@ -243,19 +244,38 @@ class Response:
     @cached_property
     def stresses(self) -> list[Array]:
         """Stress (c, p, 2, 2), MPa, of the cases at the nodes of every region; with layers (c, p, m, 3, 3)."""
-        return self._stresses_at(self.regions)
+        return self._stresses_at(self.regions, self.hinge_numbers)
 
     @cached_property
     def body_stresses(self) -> list[Array]:
         """The same at the nodes of every moving body."""
-        return self._stresses_at(self.bodies)
+        return self._stresses_at(self.bodies, self.body_numbers)
 
-    def _stresses_at(self, regions: tuple[Index, ...]) -> list[Array]:
-        if not regions:
-            return []
-        of, used = self.structure, np.unique(np.concatenate(regions))
-        stress = nodal_stress(of.mesh, of.plate, self.nodal, used, of.layers)
-        return [stress[:, np.searchsorted(used, nodes)] for nodes in regions]
+    @property
+    def hinge_numbers(self) -> list[int]:
+        """Numbers of the hinges of a plate in its mesh, those of `regions`."""
+        return self._numbers[len(self._numbers) - len(self.regions) :]
+
+    @property
+    def body_numbers(self) -> list[int]:
+        """Numbers of the moving bodies of a plate in its mesh, those of `bodies`."""
+        return self._numbers[: len(self.bodies)]
+
+    @property
+    def _numbers(self) -> list[int]:
+        return list(np.unique(self.structure.mesh.bodies).tolist())
+
+    def ratio_of(self, part: int) -> float:
+        """Return the ratio of stresses in the plane of a body or hinge, which follows its own Poisson's ratio."""
+        plate = self.structure.plate
+        if not plate.mixed or not self.ratio:
+            return self.ratio
+        nu = float(plate.poissons_ratio[self.structure.mesh.bodies == part][0])  # nu / (1 - nu) of the material
+        return nu / (1 + nu)
+
+    def _stresses_at(self, regions: tuple[Index, ...], numbers: Sequence[int]) -> list[Array]:
+        of = self.structure
+        return part_stresses(of.mesh, of.plate, self.nodal, regions, numbers, of.layers)
 
 
 def factorised_whole(structure: Structure, ports: Array | None = None, **others: Any) -> Factorised:

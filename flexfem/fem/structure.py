@@ -134,7 +134,8 @@ class Structure:
         """Internal forces (k, n, *shape), N, of displacements (k, n, *shape), mm: less round-off than K u."""
         total, most = np.zeros_like(fields, order="C"), CHUNK if self.layers is None else CACHED
         for piece in (piece for batch in self.batches for piece in batch.pieces(most)):
-            piece.add_forces(total, self.line, stress_tensor(self.plate, piece.slopes(self.line, fields)))
+            plate = self.plate.of(piece.numbers)
+            piece.add_forces(total, self.line, stress_tensor(plate, piece.slopes(self.line, fields)))
         return total
 
     @property
@@ -190,7 +191,7 @@ class Structure:
                 "a coarser resolution or fewer layers are needed"
             )
         pieces = (piece for batch in self.batches for piece in batch.pieces())
-        blocks = (piece.stiffness(self.plate, self.line.axes) for piece in pieces)
+        blocks = (piece.stiffness(self.plate.of(piece.numbers), self.line.axes) for piece in pieces)
         return self.tie_hub(assembled(self.pairs, blocks, self.line), self._rigid_hub)
 
     def factorised(self) -> Solve:
@@ -251,19 +252,21 @@ class Mass(NamedTuple):
 
 def mass_of(
     structure: Structure,
-    density: float,
+    density: float | Array,
     carried: Array | None = None,
     degree: int = MASS_QUADRATURE,
     at: Array | None = None,
 ) -> Mass:
-    """Return the consistent mass of a structure, by default exact on curved triangles; density in tonne/mm^3.
+    """Return the consistent mass of a structure, by default exact on curved triangles.
 
+    density : tonne/mm^3, of the plate, or (m,) of its triangles.
     carried, at : as of `Mass`, by default of the hub, without mass.
     """
     number = len(structure.mesh.nodes)
     areal = sp.csr_array((number, number))
     for batch in integration(structure.mesh, degree):
-        values = density * np.einsum("iq,jq,eq->eij", batch.phi, batch.phi, batch.weights, optimize=True)
+        heavy = np.reshape(density[batch.numbers], (-1, 1, 1)) if isinstance(density, np.ndarray) else density
+        values = heavy * np.einsum("iq,jq,eq->eij", batch.phi, batch.phi, batch.weights, optimize=True)
         entries = (np.repeat(batch.triangles, 6, axis=1).ravel(), np.tile(batch.triangles, (1, 6)).ravel())
         areal = areal + sp.coo_array((values.ravel(), entries), shape=(number, number)).tocsr()
     line = (structure.line.values * structure.line.weights) @ structure.line.values.T

@@ -71,12 +71,13 @@ def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
     """
     found, hinges = dict[tuple[object, ...], ThickHinge](), list[ThickHinge]()
     for number, joint in enumerate(layout.joints):
-        ends = [layout.bodies[body].fixed for body in joint.bodies]
-        key = (joint.profile, joint.cut, *ends)
+        ends = [(layout.bodies[body].fixed, layout.bodies[body].material) for body in joint.bodies]
+        key = (joint.profile, joint.cut, joint.material, *ends)
         if key not in found:
             found[key] = _thick_hinge(layout, mesh, number)
         if joint.profile.even:
-            found.setdefault((joint.profile, joint.cut, *reversed(ends)), found[key].turned())
+            turned = (joint.profile, joint.cut, joint.material, *reversed(ends))
+            found.setdefault(turned, found[key].turned())
         hinges.append(found[key])
     return tuple(hinges)
 
@@ -87,12 +88,13 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
     part, numbers = part_mesh(mesh, chosen)
     z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
     part = part._replace(nodes=np.column_stack([z.real, z.imag]))
-    of_hinge = np.unique(part.triangles[part.bodies == len(layout.bodies) + number])
+    own = len(layout.bodies) + number
+    of_hinge = np.unique(part.triangles[part.bodies == own])
 
     sections = numbers[near], numbers[far]
-    plate = plate_of_layout(layout)
-    plane = _between_sections(part, plate, None, *sections)
-    plate = plate_of_layout(layout, sheet(layout.thickness))
+    flat = plate_of_layout(layout, mesh=part)
+    plane = _between_sections(part, flat, None, *sections)
+    plate = plate_of_layout(layout, sheet(layout.thickness), part)
     few, many = (mirrored(layout.thickness, count, joint.profile.neck) for count in (FEW_LAYERS, MANY_LAYERS))
     coarser = _between_sections(part, plate, few, *sections)
     solid = _between_sections(part, plate, many, *sections)
@@ -101,8 +103,8 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
         _change(plane.compliance, solid.compliance, symmetric),
         _change(plane.compliance, coarser.compliance, symmetric),
         _change(plane.compliance, solid.loose, symmetric),
-        _von_mises_forms(nodal_stress(part, plate_of_layout(layout), plane.fields, of_hinge)),
-        _von_mises_forms(nodal_stress(part, plate, solid.fields, of_hinge, many)),
+        _von_mises_forms(nodal_stress(part, flat, plane.fields, of_hinge, part=own)),
+        _von_mises_forms(nodal_stress(part, plate, solid.fields, of_hinge, many, part=own)),
     )
 
 

@@ -47,13 +47,30 @@ class Move(NamedTuple):
         )
 
 
+class Constants(NamedTuple):
+    """Constants of a material as the plane problem has them.
+
+    youngs_modulus : MPa, and poissons_ratio, of the plane problem.   density : tonne/mm^3.   yield_strength : MPa.
+    out_of_plane : as of `Layout`.   expansion : 1/K, of the material itself; None where it is not stated.
+    name : of the material, for drawings; empty for that of the plate.
+    """
+
+    youngs_modulus: float
+    poissons_ratio: float
+    density: float
+    yield_strength: float
+    out_of_plane: float = 0.0
+    expansion: float | None = None
+    name: str = ""
+
+
 class Body(NamedTuple):
     """A body of the plate before hinges are cut into it.
 
     outline : closed counter-clockwise loop.   holes : closed clockwise loops inside it.
     fixed : whether the body is rigid ground.   clamped : segments of the outline that are clamped, of an elastic body.
     width : of a bar along a path, mm; None for a body with an outline.
-    key : key path of the body in the file, for refusals.
+    key : key path of the body in the file, for refusals.   material : its own, None for that of the plate.
     """
 
     name: str
@@ -63,13 +80,14 @@ class Body(NamedTuple):
     clamped: tuple[int, ...] = ()
     width: float | None = None
     key: str = ""
+    material: Constants | None = None
 
 
 class Joint(NamedTuple):
     """A hinge between two bodies, its centre and the direction of its axis from the first to the second body, rad.
 
     Within the length of the profile the hinge replaces the material of both bodies over the height `cut`, mm, zero
-    where the bodies end at the hinge.
+    where the bodies end at the hinge.   material : its own, None for that of the plate.
     """
 
     name: str
@@ -79,6 +97,7 @@ class Joint(NamedTuple):
     profile: Profile
     cut: float
     key: str = ""
+    material: Constants | None = None
 
     @property
     def sided(self) -> tuple[Profile, complex]:
@@ -183,6 +202,8 @@ class Layout(NamedTuple):
     points : named contacts to read, the output first.
     out_of_plane : ratio of the stress out of the plane to the sum of those in it: Poisson's ratio in plane strain.
     residual_stress : MPa, in all directions of the plane, before the plate is released from what holds its bodies.
+    expansion : of the material, 1/K, None where it is not stated.
+    Material constants are those of parts without a material of their own, see `materials`.
     """
 
     bodies: tuple[Body, ...]
@@ -197,6 +218,55 @@ class Layout(NamedTuple):
     payloads: tuple[PayloadMass, ...] = ()
     out_of_plane: float = 0.0
     residual_stress: float = 0.0
+    expansion: float | None = None
+
+    @property
+    def mixed(self) -> bool:
+        """Whether a part has a material of its own."""
+        return any(part.material is not None for part in self.parts)
+
+    @property
+    def parts(self) -> list[Body | Joint]:
+        """All bodies, then all hinges."""
+        return [*self.bodies, *self.joints]
+
+    def material_of(self, part: Body | Joint) -> Constants:
+        """Return the constants of the material of a body or hinge."""
+        if part.material is not None:
+            return part.material
+        return Constants(
+            self.youngs_modulus,
+            self.poissons_ratio,
+            self.density,
+            self.yield_strength,
+            self.out_of_plane,
+            self.expansion,
+        )
+
+    @property
+    def materials(self) -> tuple[Constants, ...]:
+        """Constants of all bodies, then of all hinges."""
+        return tuple(self.material_of(part) for part in self.parts)
+
+    @property
+    def hinge_strengths(self) -> Array:
+        """Yield strengths (h,), MPa, of all hinges."""
+        return np.array([self.material_of(joint).yield_strength for joint in self.joints])
+
+    @property
+    def hinge_shares(self) -> Array:
+        """Yield strength of the plate over those (h,) of the hinges: stress times this yields at that of the plate."""
+        return self.yield_strength / self.hinge_strengths
+
+    @property
+    def body_shares(self) -> Array:
+        """The same (b,) of the bodies that are not fixed."""
+        return self.yield_strength / self.body_strengths
+
+    @property
+    def body_strengths(self) -> Array:
+        """Yield strengths (b,), MPa, of the bodies that are not fixed."""
+        return np.array([self.material_of(body).yield_strength for body in self.bodies if not body.fixed])
 
     @property
     def ports(self) -> tuple[Port, ...]:

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from itertools import compress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import ConfigDict, Field, ValidationInfo, create_model, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationInfo, create_model, model_validator
 
 from flexfem.files import quantities
 from flexfem.files.quantities import INSIDE
@@ -129,6 +129,12 @@ class Material(Table):
         return Material(**with_changes(self.model_dump(), update or {}))
 
 
+def _named_only(value: Any) -> Any:
+    """Return the table of a material that is stated by its name alone."""
+    return {"name": value} if isinstance(value, str) else value
+
+
+PartMaterial: TypeAlias = Annotated[Material, BeforeValidator(_named_only)]
 NUMBERS = tuple(name for name in Material.model_fields if name != "name")
 FATIGUE = ("fatigue_strength_coefficient", "fatigue_strength_exponent", "walker_exponent", "fatigue_range")
 KEYS = tuple(Material.model_fields[name].alias or name for name in NUMBERS)  # in files

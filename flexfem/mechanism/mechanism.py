@@ -18,7 +18,7 @@ from flexfem.files.refusals import key_path, nearest, place_of, shown, suggestio
 from flexfem.files.tables import UNCHANGEABLE, Label, Unchangeable, once
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
+from flexfem.mechanism.layout import Body, Constants, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
 from flexfem.mechanism.materials import Material
 from flexfem.mechanism.mechanism_file import (
     BodyHole,
@@ -64,7 +64,7 @@ class Mechanism(PlateFile):
     thickness: Length = Field(alias="thickness_mm", examples=[10.0])
     """Thickness of the plate"""
     material: Material
-    """Material of the plate, isotropic"""
+    """Material of the plate, isotropic; bodies and hinges may have one of their own"""
     parameters: Annotated[Mapping[str, Unlimited], UNCHANGEABLE] = Field(
         default_factory=Unchangeable, examples=[{"length_mm": 50.0, "gap_mm": "length / 2"}]
     )
@@ -216,7 +216,7 @@ def layout_of(mechanism: Mechanism, missing: list[str] | None = None) -> Layout:
     placed = _parts(mechanism)
     parts = {kind: [part for part in placed if part.kind == kind] for kind in PARTS}
     index = {part.name: k for k, part in enumerate(parts["body"])}
-    bodies = tuple(map(_body, parts["body"]))
+    bodies = tuple(_body(part, mechanism) for part in parts["body"])
 
     def body_of(name: str, key: str) -> int:
         if name in index:
@@ -230,7 +230,7 @@ def layout_of(mechanism: Mechanism, missing: list[str] | None = None) -> Layout:
     joints = list[Joint]()
     for part in parts["hinge"]:
         first, second = (body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies))
-        joints.append(_joint(part, (first, second), bodies))
+        joints.append(_joint(part, (first, second), bodies)._replace(material=_material(part, mechanism)))
     output = mechanism.output
     points = list[tuple[str, Patch]]()
     for part in (PlacedPart("output", "point", output, (output.body,), "output", "output"), *parts["point"]):
@@ -318,7 +318,17 @@ def _moves(copies: Copies) -> Iterator[Move]:
         yield Move(turn, about - turn * about)
 
 
-def _body(part: PlacedPart) -> Body:
+def _material(part: PlacedPart, mechanism: Mechanism) -> Constants | None:
+    """Return the constants of a part with a material of its own."""
+    material = part.table.material
+    if material is None or material == mechanism.material:
+        return None
+    if material.residual_stress or mechanism.material.residual_stress:
+        raise BadInput(f"{part.key}.material, expected that of the plate: a residual stress is one of all parts")
+    return mechanism.constants_of(material)._replace(name=material.name)
+
+
+def _body(part: PlacedPart, mechanism: Mechanism) -> Body:
     table: PlateBody = part.table
     outline = _outline(table, part.move, part.key)
     holes = [_outline(hole, part.move, f"{part.key}.holes[{k}]").loop for k, hole in enumerate(table.holes)]
@@ -330,7 +340,8 @@ def _body(part: PlacedPart) -> Body:
         clamped += segments
     loops = tuple(tuple(reverse(hole)) for hole in holes)
     width = None if table.width is None else float(table.width)
-    return Body(part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key)
+    edges, material = tuple(sorted(clamped)), _material(part, mechanism)
+    return Body(part.name, tuple(outline.loop), loops, table.fixed, edges, width, part.key, material)
 
 
 def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:

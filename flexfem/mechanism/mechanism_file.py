@@ -14,6 +14,7 @@ from flexfem.files.quantities import Coordinate, Count, ForceOrZero, Grams, Iner
 from flexfem.files.refusals import refusal
 from flexfem.files.tables import Label, Table, one_form
 from flexfem.mechanism.actuators import RatedActuator
+from flexfem.mechanism.materials import PartMaterial
 
 MOST = 5000  # corners of one outline
 
@@ -79,6 +80,8 @@ class PlateBody(Table):
     """Holes in the body"""
     fixed: bool = False
     """Whether the body is rigid ground"""
+    material: PartMaterial | None = Field(default=None, examples=["ti-6al-4v"])
+    """Material of the body, the name of a registered one or a table as `[material]`; by default that of the plate"""
     clamped_edges: tuple[Annotated[int, Field(ge=1)], ...] = Field(default=(), examples=[[1]])
     """Edges at which an elastic body is clamped. Edge 1 goes from the first corner to the second, and so on; edge 1 of
     a bar is its start, edge 2 its end"""
@@ -140,6 +143,9 @@ class PlateHinge(Table):
     cut: Length | None = Field(default=None, alias="cut_mm", examples=[12.0])
     """Height over which both bodies are cut away along the profile; by default 2 % more than the larger of the height
     of the ends of the profile and the widths of those bodies that are bars"""
+
+    material: PartMaterial | None = Field(default=None, examples=["ti-6al-4v"])
+    """Material of the hinge, as that of a body"""
 
     @property
     def dimensions(self) -> dict[str, Any]:

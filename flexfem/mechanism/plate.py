@@ -349,6 +349,13 @@ def plate_polygon(layout: Layout) -> Any:
     return shapely.union_all([*bodies, *map(joint_polygon, layout.joints)], grid_size=GRID)
 
 
+def plate_mass(layout: Layout) -> float:
+    """Return the mass of a whole plate, tonne."""
+    bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
+    areas = shapely.area(np.array([*bodies, *map(joint_polygon, layout.joints)]))
+    return layout.thickness * float(areas @ np.array([material.density for material in layout.materials]))
+
+
 def size_of(layout: Layout) -> float:
     """Return the larger extent of a whole plate in x and y, mm, without joining its parts."""
     bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]

@@ -18,7 +18,7 @@ from flexfem.files.refusals import as_key, checked_path, key_path, path_of, plac
 from flexfem.files.tables import KEPT, Unchangeable, plain
 from flexfem.files.toml import PathLike, bad_key, in_mm, paths_in, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
-from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.layout import Constants, Layout
 from flexfem.mechanism.materials import Material, sources_of, with_changes, with_material_of_file
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
@@ -60,7 +60,7 @@ class PlateFile(Sourced):
     def _add_registered_sources(cls, data: Any) -> Any:
         material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
         name = material.get("name") if isinstance(material, dict) else getattr(material, "name", material)
-        sources = sources_of(name)
+        sources = sources_of(name) | _sources_of_parts(data)
         if not sources or not isinstance(stated, dict | None):
             return data
         return data | {"provenance": sources | (stated or {})}
@@ -96,25 +96,29 @@ class PlateFile(Sourced):
 
     @property
     def plane_problem(self) -> dict[str, Any]:
-        """Thickness and material of the `Layout`: plane strain is plane stress with other elastic constants."""
-        E, nu, strain = self.material.youngs_modulus, self.material.poissons_ratio, self.model == "plane_strain"
-        return {
-            "thickness": float(self.thickness),
-            "youngs_modulus": E / (1 - nu**2) if strain else E,
-            "poissons_ratio": nu / (1 - nu) if strain else nu,
-            "density": DENSITY * self.material.density,
-            "yield_strength": self.material.yield_strength,
-            "out_of_plane": nu if strain else 0.0,
-            "residual_stress": self.material.residual_stress or 0.0,
-        }
+        """Thickness and material of the `Layout`."""
+        constants = self.constants_of(self.material)._asdict()
+        constants.pop("name")
+        residual_stress = self.material.residual_stress or 0.0
+        return {"thickness": float(self.thickness), **constants, "residual_stress": residual_stress}
+
+    def constants_of(self, material: Material) -> Constants:
+        """Return the constants of a material: plane strain is plane stress with other elastic constants."""
+        E, nu, strain = material.youngs_modulus, material.poissons_ratio, self.model == "plane_strain"
+        return Constants(
+            youngs_modulus=E / (1 - nu**2) if strain else E,
+            poissons_ratio=nu / (1 - nu) if strain else nu,
+            density=DENSITY * material.density,
+            yield_strength=material.yield_strength,
+            out_of_plane=nu if strain else 0.0,
+            expansion=material.expansion,
+        )
 
     def _digest(self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any) -> str:
         """Return the SHA-256 of `model_dump` with `options`, without names, sources, expansions and excluded keys."""
         left_out = {"name", "units", "provenance", "frame", *excluded}
         content = self.model_dump(exclude=left_out, **options) | dict(more or {})
-        unused = ("name", "expansion")
-        content["material"] = {key: v for key, v in content["material"].items() if key not in unused and v is not None}
-        return digest(canonical(content))
+        return digest(canonical(_without_names_of_materials(content)))
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a validated copy with values replaced by name; it has no file, and its feasibility is not checked."""
@@ -203,6 +207,32 @@ class PlateFile(Sourced):
     def __hash__(self) -> int:
         """Hash consistently with equality, so that a plate can be a key."""
         return hash(self.hash)
+
+
+def _sources_of_parts(data: Any) -> dict[str, str]:
+    """Return the provenance of registered materials of bodies and hinges by key path."""
+    found = dict[str, str]()
+    for array in ("body", "hinge"):
+        parts = data.get(array) if isinstance(data, dict) else None
+        for index, part in enumerate(parts if isinstance(parts, list | tuple) else ()):
+            material = part.get("material") if isinstance(part, dict) else getattr(part, "material", None)
+            name = material.get("name") if isinstance(material, dict) else getattr(material, "name", material)
+            above = key_path((array, index), data)
+            found |= {f"{above}.{key}": text for key, text in sources_of(name).items()}
+    return found
+
+
+def _without_names_of_materials(content: Any) -> Any:
+    """Return a content whose materials, also those of its parts, have no name, expansion and missing number."""
+    if isinstance(content, list | tuple):
+        return [_without_names_of_materials(each) for each in content]
+    if not isinstance(content, dict):
+        return content
+    found = {key: _without_names_of_materials(value) for key, value in content.items()}
+    if isinstance(material := found.get("material"), dict):
+        unused = ("name", "expansion")
+        found["material"] = {key: v for key, v in material.items() if key not in unused and v is not None}
+    return found
 
 
 def merged_tables(old: Any, new: Any) -> Any:

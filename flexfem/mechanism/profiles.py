@@ -377,7 +377,7 @@ class Profile:
         x: Array,
         wrench: Array,
         thickness: ArrayLike,
-        out_of_plane: float = 0.0,
+        out_of_plane: float | Array = 0.0,
         across: ArrayLike = 0.0,
     ) -> Array:
         """Largest von Mises stress (..., n), MPa, of the sections at x (n,), as `stress`.

@@ -16,7 +16,7 @@ from matplotlib.path import Path
 
 from flexfem.arrays import Array
 from flexfem.mechanism.drawing import Span, labels_of, spans_of
-from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.layout import Body, Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon, extent, joint_polygon, plate_polygon
 from flexfem.mechanism.stage import Stage
@@ -43,6 +43,7 @@ from flexfem.results import Result
 from flexfem.study.findings import Caption
 from flexfem.units import DEGREE, LENGTH, STRESS
 
+OTHER_MATERIAL = ".."  # hatch of parts that have a material of their own
 HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
 DRAWN = "#56B4E9"  # contour of a drawing
@@ -127,11 +128,12 @@ def draw_plate(ax: Axes, plate: Stage | Mechanism, layout: Layout | None = None)
     layout = layout or plate.layout
     for number, body in enumerate(layout.bodies):
         polygon = body_polygon(layout, number, refuse=False)
-        _fill(ax, polygon, RIGID if body.fixed else PALE, "////" if body.fixed else "")
+        other = OTHER_MATERIAL if body.material else ""
+        _fill(ax, polygon, RIGID if body.fixed else PALE, "////" if body.fixed else other)
         lines = [[xy(z) for z in body.outline[k].at(ALONG_EDGE).tolist()] for k in body.clamped]
         ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
     for joint in layout.joints:
-        _fill(ax, joint_polygon(joint), HINGE)
+        _fill(ax, joint_polygon(joint), HINGE, OTHER_MATERIAL if joint.material else "")
     if isinstance(plate, Stage):
         ax.add_patch(Circle((0, 0), plate.platform.hub_radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
     shape = plate_polygon(layout)
@@ -154,7 +156,7 @@ def _draw_spans(ax: Axes, spans: Sequence[Span], obstacles: list[Any]) -> None:
 def _marks(layout: Layout) -> Iterator[Mark]:
     """Yield the labels, those with the least freedom of place first."""
     for joint in layout.joints:
-        yield Mark(joint.name, np.array(xy(joint.place)), HINGE)
+        yield Mark(_named(joint), np.array(xy(joint.place)), HINGE)
     for actuator in layout.actuators:
         near, far = (contact.point for contact in actuator.contacts)
         yield Mark(actuator.name, np.array(xy((near + far) / 2)), DRIVE)
@@ -164,7 +166,12 @@ def _marks(layout: Layout) -> Iterator[Mark]:
         yield Mark(f"payload {1e6 * payload.mass:.6g} g", np.array(xy(payload.contact.point)), MASS)
     for number, body in enumerate(layout.bodies):
         polygon = body_polygon(layout, number, refuse=False)
-        yield Mark(body.name, shapely.get_coordinates(shapely.point_on_surface(polygon))[0], "#404040", polygon)
+        yield Mark(_named(body), shapely.get_coordinates(shapely.point_on_surface(polygon))[0], "#404040", polygon)
+
+
+def _named(part: Body | Joint) -> str:
+    """Return the name of a part, and of its material if it has its own."""
+    return part.name if part.material is None else f"{part.name} ({part.material.name})"
 
 
 def _draw_recognised(ax: Axes, recognised: Recognised) -> None:
@@ -245,6 +252,7 @@ def drawing_figure(
         "hatched: fixed": any(body.fixed for body in drawn.bodies),
         "heavy lines: clamped": any(body.clamped for body in drawn.bodies),
         "orange: hinges": bool(drawn.joints),
+        "dotted: another material": drawn.mixed,
         "blue: actuators": bool(drawn.actuators),
         "disc: the hub, rigid in the models": isinstance(plate, Stage),
         "X, Y: output": bool(drawn.points),

@@ -269,11 +269,14 @@ def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress
     neck, sd = measured.over(drawn)
     made = _with_necks(mechanism, neck)
     parts = plates.parts_in(made, mesh_layout(made, PART_RESOLUTION))
-    material = made.youngs_modulus, made.poissons_ratio, made.thickness
+    materials = [made.material_of(joint) for joint in made.joints]
 
     def freedoms(added: Array) -> Array:
         """Return the beam integrals (..., hinges, 3) of hinges that are thicker by (..., hinges)."""
-        found = [joint.profile.compliance(*material, added[..., h]) for h, joint in enumerate(made.joints)]
+        found = list[Array]()
+        for h, (joint, material) in enumerate(zip(made.joints, materials, strict=True)):
+            E, nu, *_ = material
+            found.append(joint.profile.compliance(E, nu, made.thickness, added[..., h]))
         return np.stack([np.diagonal(each, axis1=-2, axis2=-1) for each in found], axis=-2)
 
     unchanged = freedoms(np.zeros(len(neck)))

@@ -207,7 +207,9 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
     plate = [*(body_polygon(layout, k) for k in range(len(layout.bodies))), *map(joint_polygon, layout.joints)]
     extent = np.ptp(np.reshape(shapely.total_bounds(plate), (2, 2)), axis=0)
     names = [*(body.name for body in layout.bodies), GROUND]  # body -1 is the ground outside
-    masses = [_rounded(1e6 * layout.density * layout.thickness * area) for area in shapely.area(plate)]
+    densities = [material.density for material in layout.materials]
+    areas = shapely.area(plate).tolist()
+    masses = [_rounded(1e6 * rho * layout.thickness * area) for rho, area in zip(densities, areas, strict=True)]
     stated = {
         "thickness_mm": layout.thickness,
         "material": material.model_dump(mode="json", by_alias=True, exclude={"expansion"}, exclude_none=True),

@@ -30,6 +30,7 @@ from flexfem.fem.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.layout import Constants
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
@@ -102,11 +103,20 @@ class MechanismDrift(Drift, mechanism=True):
 
 
 class Expansion(NamedTuple):
-    """Expansion of plate and frame in the plane, and stress across the unstrained plane, MPa; all per kelvin."""
+    """Expansion of plate and frame in the plane, and stress across the unstrained plane, MPa; all per kelvin.
+
+    across : of a mechanism whose parts have different materials (h,), of its hinges.
+    of_parts : of these bodies, then hinges; None of others.
+    """
 
     plate: float
     frame: float
-    across: float
+    across: Any
+    of_parts: Array | None = None
+
+    def unlike_hinges(self, bodies: int) -> Array | float:
+        """Expansion of hinges, which follow the bodies in `of_parts`, less that of the plate."""
+        return 0.0 if self.of_parts is None else self.of_parts[bodies:] - self.plate
 
 
 class WarmFields(NamedTuple):
@@ -163,6 +173,7 @@ def drift(
     others, settings = dict[str, Array](), dict[str, Any]()
     cases: tuple[str, ...] = CASES
     expansion = expansion_of(stage)
+    in_depth = _expansions_of_parts(stage, False)
     if isinstance(stage, Stage):
         warnings[:0] = [*warning.of_numbers(stage), *warning.of_stacks(stage)]
         cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
@@ -181,7 +192,8 @@ def drift(
         if isinstance(stage, Stage):
             return _by_network(chosen, expansion)
         in_plane = expansion.plate, expansion.frame
-        motions, wrenches = warmed_network(stage.layout, *in_plane, *plates.joined_parts(stage, elastic))
+        parts = plates.joined_parts(stage, elastic)
+        motions, wrenches = warmed_network(stage.layout, *in_plane, *parts, expansion.of_parts)
         places = np.array([joint.place for joint in stage.layout.joints])
         across = expansion.across * np.vstack([np.ones(len(places)), places.real, places.imag])
         stress = plates.stress_by(stage, np.moveaxis(wrenches, -1, 0), elastic, across)
@@ -191,9 +203,9 @@ def drift(
     def warmed_on(resolution: int, layers: int) -> tuple[Array, Array]:
         """Motions (k, 3) of the ports and stress (3, h) in hinges by finite elements."""
         assert isinstance(stage, Mechanism)
-        coefficients = rates if layers else (expansion.plate, expansion.frame)
-        response = warmed(plates.factorised(stage, resolution, layers), *coefficients)
-        return response.motions, warm_stress(response, expansion.across)
+        of = expansion._replace(plate=rates[0], frame=rates[1], of_parts=in_depth) if layers else expansion
+        response = warmed(plates.factorised(stage, resolution, layers), of.plate, of.frame, of.of_parts)
+        return response.motions, warm_stress(response, of.across, of.unlike_hinges(len(stage.layout.bodies)))
 
     def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
         if isinstance(stage, Stage):
@@ -202,8 +214,8 @@ def drift(
             return values
         motions, stress = warmed_on(resolution, layers)
         if thick is not None:
-            motions = motions + thick.change(lambda parts: warmed_network(stage.layout, *rates, *parts)[0])
-            wrenches = warmed_network(stage.layout, *rates, *thick.solid)[1]
+            motions = motions + thick.change(lambda parts: warmed_network(stage.layout, *rates, *parts, in_depth)[0])
+            wrenches = warmed_network(stage.layout, *rates, *thick.solid, in_depth)[1]
             stress = stress * thick.stress_ratios(np.moveaxis(wrenches, -1, 0))
         return _without_round_off(stage, motions, stress)
 
@@ -234,7 +246,8 @@ def drift(
 def _without_round_off(mechanism: Mechanism, motions: Array, stress: Array) -> Values:
     """Return poses (cases, points, 3) and stresses (cases, hinges) without values far below those of held plates."""
     lever, points = mechanism.layout.lever, len(mechanism.layout.points)
-    strains = max(_coefficients(mechanism)) * np.array([1.0, lever, lever])[:, None]  # free expansion by case
+    largest = max(*_coefficients(mechanism), *(material.expansion or 0.0 for material in mechanism.layout.materials))
+    strains = largest * np.array([1.0, lever, lever])[:, None]  # free expansion by case
     pose, sizes = motions[: 3 * points].T.reshape(3, -1, 3), strains[:, None] * [lever, lever, 1.0]
     return {
         "pose": np.where(np.abs(pose) < ROUND_OFF * sizes, 0.0, pose),
@@ -256,9 +269,30 @@ def expansion_of(plate: Stage | Mechanism) -> Expansion:
     """Return the expansion in the plane problem of a stage or mechanism."""
     of_plate, of_frame = _coefficients(plate)
     in_plane = expansion_in_plane(of_plate, of_frame, plate.layout.out_of_plane)
-    held = plate.model == "plane_strain"
-    across = plate.material.youngs_modulus * (of_frame - of_plate) if held else 0.0
-    return Expansion(in_plane, of_frame, across)
+    if plate.model != "plane_strain":
+        return Expansion(in_plane, of_frame, 0.0, _expansions_of_parts(plate, True))
+    across: Any = plate.material.youngs_modulus * (of_frame - of_plate)
+    if isinstance(plate, Mechanism) and plate.layout.mixed:
+        across = np.array([_stress_across(plate.layout.material_of(joint), of_frame) for joint in plate.layout.joints])
+    return Expansion(in_plane, of_frame, across, _expansions_of_parts(plate, True))
+
+
+def _stress_across(material: Constants, frame: float) -> float:
+    """Return the stress across the held plane of a material in plane strain, MPa per kelvin."""
+    youngs_modulus = material.youngs_modulus * (1 - material.out_of_plane**2)
+    return youngs_modulus * (frame - float(material.expansion or 0.0))
+
+
+def _expansions_of_parts(plate: Stage | Mechanism, in_plane: bool) -> Array | None:
+    """Return the expansions of bodies, then hinges, of the plane problem or of the material; None if they are alike."""
+    if isinstance(plate, Stage) or not plate.layout.mixed:
+        return None
+    frame = _coefficients(plate)[1]
+    found = list[float]()
+    for material in plate.layout.materials:
+        own = float(material.expansion or 0.0)
+        found.append(expansion_in_plane(own, frame, material.out_of_plane) if in_plane else own)
+    return np.array(found)
 
 
 def _by_network(chosen: ModelChoice, expansion: Expansion) -> Values:

@@ -393,7 +393,8 @@ def _of_mechanism(
         if thick is None:
             return values
         ratios = _by_thickness(values["frequency"], of_parts(thick.plane), of_parts(thick.solid))
-        held = np.sqrt(1 / (1 - layout.poissons_ratio**2))  # of a leaf that vibrates in plane strain
+        nu = max(material.poissons_ratio for material in layout.materials)
+        held = np.sqrt(1 / (1 - nu**2))  # of a leaf that vibrates in plane strain
         alone = 1 + (held - 1) / 2 * (thick.share == 1)  # between plane strain and plane stress, which one variant has
         return values | {"frequency": values["frequency"] * np.where(np.isnan(ratios), alone, ratios)}
 

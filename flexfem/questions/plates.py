@@ -262,8 +262,12 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
     hinges = thick_hinges(mechanism.layout, meshed(mechanism, PART_RESOLUTION))
     change, coarser, loose = (np.array(parts) for parts in list(zip(*hinges, strict=True))[:3])
     remaining = (change - coarser) / ((MANY_LAYERS / FEW_LAYERS) ** ORDER_OF_LAYERS - 1)
-    nu = mechanism.layout.poissons_ratio
-    stiffer = tuple(body._replace(compliance=(1 - OF_PLANE_STRAIN * nu**2) * body.compliance) for body in plane.bodies)
+    materials = mechanism.layout.materials
+    stiffer = tuple(
+        body._replace(compliance=(1 - OF_PLANE_STRAIN * materials[body.body].poissons_ratio ** 2) * body.compliance)
+        for body in plane.bodies
+    )
+    nu = max(material.poissons_ratio for material in materials)
     best = Thickened(plane, plane._replace(hinges=plane.hinges + change), hinges)
     return (
         best,
@@ -315,10 +319,10 @@ def stress_by(mechanism: Mechanism, wrenches: Array, elastic: bool = False, acro
     """
     layout = mechanism.layout
     across = np.broadcast_to(across, wrenches.shape[:-1])
-    highest = [
-        one.profile.stress(wrenches[..., h, :], layout.thickness, layout.out_of_plane, across[..., h])
-        for h, one in enumerate(layout.joints)
-    ]
+    highest = list[Array]()
+    for h, one in enumerate(layout.joints):
+        ratio = layout.material_of(one).out_of_plane
+        highest.append(one.profile.stress(wrenches[..., h, :], layout.thickness, ratio, across[..., h]))
     stress = np.stack(highest, axis=-1)
     thickness = thickness_of(mechanism) if elastic else ()
     return stress * thickness[0].stress_ratios(wrenches) if thickness else stress
@@ -518,13 +522,20 @@ def over_yield(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stres
 
     Stresses of bodies under the load count, too.
     """
-    highest = max(
-        float(np.max(model.values[name], initial=0.0))
-        for model in found.values()
-        for name in (stress, "body_stress")
-        if name in model.values
-    )
-    return warning.of_yield(highest, plate.material.yield_strength, where)
+    highest = list[float]()
+    for model in found.values():
+        for name in (stress, "body_stress"):
+            if name in model.values:
+                highest.append(float(np.max(model.values[name] * shares_of_yield(plate, name), initial=0.0)))
+    return warning.of_yield(max(highest), plate.material.yield_strength, where)
+
+
+def shares_of_yield(plate: Stage | Mechanism, stress: str) -> Array | float:
+    """Return the yield strength of the plate over those of the hinges or bodies of a named stress; one of a stage."""
+    if isinstance(plate, Stage) or not plate.layout.mixed:
+        return 1.0
+    layout = plate.layout
+    return layout.yield_strength / layout.body_strengths if stress.startswith("body") else layout.hinge_shares
 
 
 class MechanismErrors(Result):

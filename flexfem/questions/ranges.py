@@ -119,11 +119,16 @@ class Ranges(NamedTuple):
         return np.reshape(found, (2, 2, 3, *found[0].shape))
 
 
-def slopes_of(response: Responses, port: int, held: Sequence[int]) -> Array:
-    """Return force, highest stress of hinges and of bodies (3,) per displacement of a port, others held or free."""
+def slopes_of(layout: Layout, response: Responses, port: int, held: Sequence[int]) -> Array:
+    """Return force, highest stress of hinges and of bodies (3,) per displacement of a port, others held or free.
+
+    The stress of parts of another material is multiplied by `Layout.hinge_shares` and `body_shares`, as that of beams.
+    """
     load = _unit_displacement(response.compliance, port, held)
-    bodies = 0.0 if response.bodies is None else float(np.max(response.bodies(load).highest, initial=0.0))
-    return np.array([load[port], np.max(response.stress(load)), bodies])
+    bodies = 0.0
+    if response.bodies is not None:
+        bodies = float(np.max(response.bodies(load).highest * layout.body_shares, initial=0.0))
+    return np.array([load[port], np.max(response.stress(load) * layout.hinge_shares), bodies])
 
 
 def _unit_displacement(compliance: Array, port: int, held: Sequence[int]) -> Array:
@@ -153,7 +158,7 @@ def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAns
             if free is not None and _nothing_to_hold(free, others, layout.lever):
                 ends[which, sense, axis] = ends[1, sense, axis]
                 continue
-            linear = _linear(last, axis, held, layout.yield_strength)
+            linear = _linear(last, axis, held, layout)
             scale = SENSES[sense] * layout.yield_strength / linear.slopes[1]
             beams_end = beams.end(axis, held, scale, linear.slopes[2] / linear.slopes[0])
             free = beams_end if which == 1 else free
@@ -201,17 +206,19 @@ def _nothing_to_hold(end: PathEnd, others: Sequence[int], lever: float) -> bool:
     return end.kind == YIELD and bool(np.all(motions < SYMMETRIC * np.abs(end.displacement) * max(lever, 1.0)))
 
 
-def _linear(last: ModelAnswer, axis: int, held: Sequence[int], strength: float) -> _Linear:
+def _linear(last: ModelAnswer, axis: int, held: Sequence[int], layout: Layout) -> _Linear:
     """Return the linear slopes of the last model."""
     stiffness, at_yield, rate = ("held", "yield_range", "body_rate")
     if not held:
         stiffness, at_yield, rate = ("free", "free_yield_range", "free_body_rate")
     values = last.values
-    highest = np.max(values["stress"][..., axis]) if held else strength / values[at_yield][axis]
+    highest = layout.yield_strength / values[at_yield][axis]
+    if held:
+        highest = np.max(values["stress"][..., axis] * layout.hinge_shares)
     bands = [_relative(last, name, axis) for name in (stiffness, at_yield)]
     bodies = np.zeros(0)
     if rate in values:
-        bodies = values[rate][:, axis]
+        bodies = values[rate][:, axis] * layout.body_shares
     if not bodies.size:
         return _Linear(np.array([values[stiffness][axis], highest, 0.0]), np.array([*bands, 0.0]), 0)
     body = int(np.argmax(bodies))
@@ -432,8 +439,11 @@ def _finite(
     level = levels(mesh.resolution)[0]
     model = model_of(mechanism, level)
     at = driven(model, [port, *held], np.array([[x, *np.zeros(len(held))]]))
+    layout = mechanism.layout
     peaks, bodies = stress_in_parts(model, at.fields[0])
-    slopes = slopes_of(responses(mechanism, solved(mechanism, level)), port, held)
+    peaks = peaks * layout.hinge_shares
+    bodies = bodies * layout.body_shares
+    slopes = slopes_of(layout, responses(mechanism, solved(mechanism, level)), port, held)
     values = np.array([at.load[0, port] / x, peaks.max() / abs(x), np.max(bodies, initial=0.0) / abs(x)])
     ratios = values / np.where(slopes, slopes, 1.0)
     contact = np.nan

@@ -505,7 +505,7 @@ def _ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAn
         "range": reached.array("displacement"),
         "range_force": reached.array("force"),
         "range_limit": np.moveaxis(reached.array("governing"), -1, 2),
-        "range_stress": np.moveaxis(reached.array("stress"), -1, 2),
+        "range_stress": np.moveaxis(reached.array("stress") / mechanism.layout.hinge_shares, -1, 2),
     }
     bands = {"range": reached.array("displacement_band"), "range_force": reached.array("force_band")}
     return _Part(values, bands, notes=described(mechanism.layout, reached))
@@ -560,9 +560,9 @@ def _first_yields(layout: Layout, values: Values) -> str:
     """Return a note on the part that ends each range at yield, and its place."""
     names = [f"hinge {joint.name}" for joint in layout.joints]
     names += [f"body {layout.bodies[index].name}" for index in moving_bodies(layout)]
-    stress = values["body_rate"]
+    stress = values["body_rate"] / layout.body_strengths[:, None]
     if "stress" in values:
-        stress = np.concatenate([values["stress"], stress])
+        stress = np.concatenate([values["stress"] / layout.hinge_strengths[:, None], stress])
     parts = [
         f"{direction} {names[int(np.argmax(stress[:, axis]))]} at ({values['yield_x'][axis]:.4g}, "
         f"{values['yield_y'][axis]:.4g}) mm"
@@ -625,17 +625,19 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
     values: dict[str, Any] = at_rest(C[:3, :3])
     loads = values["stiffness"] @ np.eye(3, len(C))
     stress = np.moveaxis(response.stress(loads), 0, -1)
-    highest = stress.reshape(-1, 3)
+    shares = plates.shares_of_yield(plate, "stress")
+    highest = np.moveaxis(response.stress(loads) * shares, 0, -1).reshape(-1, 3)
     alone = np.diag(values["free"]) @ np.eye(3, len(C))
     if stress.size:
-        by_itself = plate.material.yield_strength / np.max(response.stress(alone).reshape(3, -1), axis=1)
+        at_once = response.stress(alone) * shares
+        by_itself = plate.material.yield_strength / np.max(at_once.reshape(3, -1), axis=1)
         values |= {"stress": stress, "free_yield_range": by_itself}
     if response.bodies is not None:
         found = response.bodies(loads)
         values["body_rate"] = found.highest.T
         values["free_body_rate"] = response.bodies(alone).highest.T
         hinges = [[joint.place.real, joint.place.imag] for joint in plate.layout.joints]
-        highest = np.concatenate([highest, found.highest.T])
+        highest = np.concatenate([highest, (found.highest * plates.shares_of_yield(plate, "body_rate")).T])
         first = np.argmax(highest, axis=0)
         at = np.array([[*hinges, *found.place[axis]][part] for axis, part in enumerate(first)])
         values |= {"yield_x": at[:, 0], "yield_y": at[:, 1]}

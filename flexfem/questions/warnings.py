@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import shapely
 
 from flexfem.analytic.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.arrays import Array
@@ -12,7 +11,7 @@ from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import plate_polygon, size_of, triangles_needed
+from flexfem.mechanism.plate import plate_mass, size_of, triangles_needed
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
@@ -192,7 +191,7 @@ def of_payload(plate: Stage | Mechanism, mass: float) -> Warnings:
     if mass == 0.0:
         return []
     layout = plate.layout
-    own = layout.density * layout.thickness * float(shapely.area(plate_polygon(layout)))
+    own = plate_mass(layout)
     ratio = mass / own
     text = f"the payload of {1e3 * mass:.4g} kg is {ratio:.3g} times as heavy as the plate of {1e3 * own:.3g} kg"
     return _when(ratio > HEAVY, f"{text}: {UNIT}")
