@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.questions.drive import drive as drive
     from flexfem.questions.errors import verification as verification
     from flexfem.questions.experiment import experiment as experiment
+    from flexfem.questions.forces import forces as forces
     from flexfem.questions.gravity import gravity as gravity
     from flexfem.questions.heat import drift as drift
     from flexfem.questions.identify import identify as identify

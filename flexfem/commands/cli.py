@@ -35,7 +35,7 @@ from flexfem.units import DIRECTIONS, FORCES, POSES, UNITS, in_unit
 
 GROUPS = {
     "Start": ("new", "import", "check", "view", "summary"),
-    "Stiffness and hinges": ("stiffness", "buckling", "formulas"),
+    "Stiffness and hinges": ("stiffness", "forces", "buckling", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("drive", "reach", "large"),
     "Vibration, heat, weight and life": ("modes", "drift", "gravity", "life"),
@@ -77,6 +77,7 @@ TYPES: dict[str, Any] = {  # of parameters, for typer
     "sections": list[str],
     "force_at": list[str],
     "hold": list[str],
+    "section": list[str],
 }
 MEASURED = {  # units of plain numbers of options, by direction for a vector
     **dict.fromkeys(("force", "load"), FORCES),

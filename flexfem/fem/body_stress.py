@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
@@ -122,16 +123,26 @@ def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
             ratio = response.ratio_of(moving_bodies(layout)[number])
             values: AnyArray = von_mises(np.tensordot(load, stress, axes=1), ratio).reshape(len(nodes), -1)
             by_node = values.max(axis=1)
-            for patch in _loaded_points(layout, moving_bodies(layout)[number], load):
-                centre = [patch.point.real, patch.point.imag]
-                near = np.hypot(*(places[nodes] - centre).T) < AT_LOAD * (patch.radius or 0.0)
-                if not near.all():
-                    by_node[near] = 0.0
+            by_node[~body_loads_apart(layout, places[nodes], number, load)] = 0.0
             worst = int(np.argmax(by_node))
             highest[row, number] = by_node[worst]
             at[row, number] = places[nodes[worst]]
     shape = (*np.shape(loads)[:-1], len(response.bodies))
     return BodyStress(highest.reshape(shape), at.reshape(*shape, 2))
+
+
+def body_loads_apart(layout: Layout, places: Array, number: int, load: Array) -> NDArray[np.bool_]:
+    """Return which places (n, 2), mm, of a moving body are not near points that a load (c,) on the ports loads.
+
+    All of them where no place is left.
+    """
+    away = np.ones(len(places), dtype=np.bool_)
+    for patch in _loaded_points(layout, moving_bodies(layout)[number], load):
+        centre = [patch.point.real, patch.point.imag]
+        near = np.hypot(*(places - centre).T) < AT_LOAD * (patch.radius or 0.0)
+        if not near.all():
+            away &= ~near
+    return away if away.any() else np.ones_like(away)
 
 
 def _loaded_points(layout: Layout, body: int, load: Array) -> list[Patch]:

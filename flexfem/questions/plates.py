@@ -71,8 +71,16 @@ PEAKS = (
     "body_rate",
     "free_body_rate",
     "point_stress",
+    "strain",
 )
-PLACES = ("body_x", "body_y", "yield_x", "yield_y")  # of highest stresses, which change from mesh to mesh
+PLACES = (
+    "body_x",
+    "body_y",
+    "yield_x",
+    "yield_y",
+    "strain_x",
+    "strain_y",
+)  # of highest stresses, which change from mesh to mesh
 # Possible errors of `Thickness`, measured on whole plates in three dimensions (`benchmarks/thickness.py`)
 OF_CONTRACTION = 0.25  # of the difference between ends of hinges that keep their thickness and that contract freely
 OF_PLANE_STRAIN = 0.15  # of the change of bodies from plane stress to plane strain
@@ -241,6 +249,19 @@ class Thickened(NamedTuple):
         for numbers in alike.values():
             ratios[..., numbers] = self.hinges[numbers[0]].stress_ratio(wrenches[..., numbers, :])
         return 1 + self.share * (ratios - 1)
+
+    def strain_ratios(self, wrenches: Array) -> Array:
+        """Ratios (h,) of strains to those in plane stress, of hinges under wrenches (h, 3).
+
+        At the faces a hinge bends nearly as in plane stress. One variant has the change of the openings instead.
+        """
+        assert self.plane.hinges is not None and self.solid.hinges is not None
+        works = [np.einsum("hi,hij,hj->h", wrenches, C, wrenches) for C in (self.plane.hinges, self.solid.hinges)]
+        loaded = works[0] > 0
+        ratios = np.ones(len(wrenches))
+        if self.share != 1:
+            ratios[loaded] = works[1][loaded] / works[0][loaded]
+        return ratios
 
 
 @once
