@@ -147,11 +147,11 @@ def _triangles(edge: _Edge) -> tuple[Triangles, AnyArray]:
     after = np.append(following, [-1] * 4)
     from_, to = corners[:, [1, 2, 0]], corners[:, [2, 0, 1]]  # the side opposite to each corner
     ahead, behind = after[from_] == to, after[to] == from_
-    is_metal = _inside(delaunay.neighbors, ahead, behind)
+    is_metal = _inside(delaunay.neighbors, ahead, behind) & np.all(corners < n, axis=1)
     missing = np.ones(n, dtype=bool)
     missing[from_[ahead]] = False
     other = delaunay.neighbors
-    crossing = is_metal[:, None] & ~ahead & (np.arange(len(corners))[:, None] < other)
+    crossing = is_metal[:, None] & is_metal[other] & ~ahead & (np.arange(len(corners))[:, None] < other)
     triangle, side = np.nonzero(crossing)
     number = np.cumsum(is_metal) - 1
     beside = number[np.column_stack([triangle, other[triangle, side]])]

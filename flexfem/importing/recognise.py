@@ -13,7 +13,7 @@ from flexfem.importing.found import Drawing, FoundHinge, FoundPlate
 from flexfem.importing.necks import Neck, Triangles, necks_of, triangles_of
 from flexfem.importing.shapes import ALLOWED, Fit, fits_of
 from flexfem.importing.strips import joined
-from flexfem.mechanism.outlines import Segment
+from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
 from flexfem.mechanism.profiles import Profile, Tabulated
 
 THIN = 2.7  # width of the narrower body per neck from which a neck is a hinge
@@ -22,9 +22,11 @@ THINNER = 8.0  # width of the narrower body per neck, from which such a neck is 
 FLEXIBLE = 20.0  # flexibility from which a neck is a hinge in bodies less wide
 AMONG_OTHERS = 0.05  # its compliance per that of the most compliant hinge, from which it is one
 STIFF = 5.0  # flexibility up to which a neck is no hinge
-STIFF_NOTCH = 40.0  # the same of a notch on one side, such as the rim of a hole
+STIFF_RIM = 40.0  # the same of the rim of a round hole
 WIDENS = 1.6  # width of a body near the end of a hinge, per height of this end
-WITHIN = 4.0  # distance from the end of a hinge, per height of this end, within which it widens
+BEYOND = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # distances from the end of a hinge, per height of this end, where it widens
+ASIDE = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # of them, distances from the axis, per height of this end
+STEP = np.pi / 64  # rad of arc per side of the polygon from which distances are taken
 SLENDER = 1.5  # width of slender metal per width of its narrowest place
 MOST_FITS = 8  # of one neck that are tried
 
@@ -38,14 +40,14 @@ def recognise(drawing: Drawing) -> FoundPlate:
     loops = [_cyclic(loop) for loop in (drawing.outside, *drawing.holes)]
     triangles = triangles_of(loops)
     between, closing = necks_of(triangles)
-    paths = _Paths(triangles)
+    paths, room = _Paths(triangles), _Room(loops)
     edges = Edges(loops)
     cuts = list[Cut]()
     for neck in sorted(between, key=lambda neck: neck.width):
-        found = next((cut for cut in _cuts(edges, neck) if not overlap(cut, cuts) and paths.widen(neck, cut.fit)), None)
+        found = next((cut for cut in _cuts(edges, neck) if not overlap(cut, cuts) and room.widens(cut.fit)), None)
         if found is not None:
             cuts.append(found)
-    cuts = _flexible(cuts)
+    cuts = _flexible(edges, cuts)
     result = divided(edges, cuts)
     while unconnected := [k for k, pair in enumerate(result.between) if pair[0] == pair[1] or NOTHING in pair]:
         cuts = [cut for k, cut in enumerate(cuts) if k not in unconnected]
@@ -79,7 +81,7 @@ def _rotation(profile: Profile) -> float:
     return float(np.sum(weights / profile.height(x) ** 3))
 
 
-def _flexible(cuts: Sequence[Cut]) -> list[Cut]:
+def _flexible(edges: Edges, cuts: Sequence[Cut]) -> list[Cut]:
     """Return the hinges that are thin and flexible compared with their bodies and with the other hinges.
 
     Flexibility is the length, per width of the body, of a bar as wide as the body that bends as much.
@@ -92,10 +94,16 @@ def _flexible(cuts: Sequence[Cut]) -> list[Cut]:
         flexibility = rotation * beyond**2
         is_thin = beyond > (THIN if width < THICKER * thinnest else THINNER) * width
         is_flexible = flexibility > FLEXIBLE and rotation > AMONG_OTHERS * most
-        is_stiff = flexibility < (STIFF if cut.fit.side is None else STIFF_NOTCH)
+        is_stiff = flexibility < (STIFF_RIM if _is_rim(edges, cut) else STIFF)
         if (is_thin or is_flexible) and not is_stiff:
             kept.append(cut)
     return kept
+
+
+def _is_rim(edges: Edges, cut: Cut) -> bool:
+    """Return whether a hinge lies between a round hole and another edge."""
+    loops = [edges.loops[stretch.loop] for stretch in (cut.right, cut.left)]
+    return loops[0] is not loops[1] and sum(circle_of(loop) is not None for loop in loops) == 1
 
 
 def _hinge(cut: Cut, bodies: tuple[int, int]) -> FoundHinge:
@@ -104,6 +112,34 @@ def _hinge(cut: Cut, bodies: tuple[int, int]) -> FoundHinge:
     smooth = isinstance(fit.profile, Tabulated) and fit.profile.smooth
     place, heading = fit.frame
     return FoundHinge(bodies, place, heading, fit.shape, fit.dimensions, table, fit.deviation, smooth, fit.side)
+
+
+class _Room:
+    """Room for discs in the metal of a plate."""
+
+    def __init__(self, loops: Sequence[Sequence[Segment]]) -> None:
+        rings = [polygon_points(loop, STEP) for loop in loops]
+        sides = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+        self._tree = shapely.STRtree(np.asarray(shapely.linestrings(sides)))
+        self._metal = shapely.Polygon(rings[0], rings[1:])
+        shapely.prepare(self._metal)
+
+    def widens(self, fit: Fit) -> bool:
+        """Return whether the metal widens soon beyond both ends of a hinge."""
+        half = fit.profile.length / 2
+        for side in (-1, 1):
+            height = float(fit.profile.height(np.array(side * half)))
+            if height > WIDENS * fit.profile.neck:
+                continue
+            ahead = side * (half + height * np.array(BEYOND))
+            local = ahead[:, None] + 1j * height * np.array(ASIDE)
+            z = np.asarray(fit.frame.out(local)).ravel()
+            inside = shapely.contains_xy(self._metal, z.real, z.imag)
+            points = shapely.points(z.real[inside], z.imag[inside])
+            distances = self._tree.query_nearest(points, all_matches=False, return_distance=True)[1]
+            if max(distances, default=0.0) < WIDENS * height / 2:
+                return False
+        return True
 
 
 class _Paths:
@@ -132,25 +168,6 @@ class _Paths:
                 is_near = abs(self.middles[other] - self.middles[chord]) < reach
                 if is_near and self.triangles.lengths[other] < widest:
                     stack.append(behind)
-
-    def widen(self, neck: Neck, fit: Fit) -> bool:
-        """Return whether the metal widens soon beyond both ends of a hinge."""
-        half, lengths = fit.profile.length / 2, self.triangles.lengths
-        heights = fit.profile.height(np.array([-half, half]))
-        for side in (0, 1):
-            height = float(heights[side])
-            if height > WIDENS * fit.profile.neck:
-                continue
-            reach = 2 * half + WITHIN * height
-            if not any(
-                lengths[chord] > WIDENS * height and self._is_within(fit, chord, half + WITHIN * height)
-                for chord, _ in self.beyond(neck.chord, side, WIDENS * height, reach)
-            ):
-                return False
-        return True
-
-    def _is_within(self, fit: Fit, chord: int, reach: float) -> bool:
-        return abs(fit.frame.into(complex(self.middles[chord])).real) < reach
 
     def slender(self, necks: Sequence[Neck]) -> tuple[Any, ...]:
         """Return the polygons of the narrow metal at necks."""

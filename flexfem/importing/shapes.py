@@ -17,7 +17,6 @@ from flexfem.importing.strips import (
     CORNER,
     Axis,
     Strip,
-    clipped,
     height_at,
     strip_of,
     turns_in,
@@ -34,12 +33,12 @@ EXACT = 1e-6  # mm; smaller differences of dimensions are round-off of coordinat
 PER_CURVE = 9  # points of a drawn segment that are compared
 FINE = 400  # points of an ellipse or parabola in their place
 MOST_ROWS = 2000
+BETWEEN = (0.05, 0.25, 0.5, 0.75, 0.95)  # positions between two rows at which a table is compared
 ROUNDS = 14  # in which rows are added to a table
 SHORT_LEAF = 12.0  # length per neck up to which a leaf with fillets is a filleted hinge
-LONG_LEAF = 10.0  # length per neck of a leaf, from which flanks beyond it are sides of bodies
-HIGH_FLANK = 15.0  # height of the end of a profile per neck, from which its flanks are sides of bodies
+MOSTLY = 0.5  # of the length of a profile with flanks, above which the leaf between them is the hinge
+ALIKE = 1e-9  # rad, between directions that are one
 NEARLY_UPRIGHT = math.radians(80.0)  # slope at which a table ends
-LEVEL = 1e-4  # slope up to which an edge is parallel to the axis
 
 
 class Fit(NamedTuple):
@@ -63,25 +62,17 @@ def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck) -> Iterator[Fit]:
     evens = [strip for strip in whole if _is_even(strip)]
     flanked = [*filter(None, map(_table, evens))]
     leaves = [*_best_shapes(short)]
-    yield from (fit for fit in leaves if _is_long(fit) or not any(map(_has_low_end, flanked)))
-    yield from (fit for fit in flanked if _has_low_end(fit))
+    yield from (fit for fit in leaves if not flanked or fit.profile.length > MOSTLY * flanked[0].profile.length)
+    yield from flanked
     yield from leaves
     yield from filter(None, map(_table, [*short, *whole]))
 
 
-def _has_low_end(fit: Fit) -> bool:
-    return fit.profile.end_height < HIGH_FLANK * fit.profile.neck
-
-
-def _is_long(fit: Fit) -> bool:
-    return fit.profile.length > LONG_LEAF * fit.profile.neck
-
-
 def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip], list[Strip]]:
     """Return the edges at a neck in all frames that they suggest: whole, and without flanks."""
-    rough = _rough(loops, neck)
     whole, short = list[Strip](), list[Strip]()
-    for frame in (*_suggested(loops, neck, rough), rough):
+    roughs = _roughs(loops, neck)
+    for frame in (*(one for rough in roughs for one in _suggested(loops, neck, rough)), *roughs):
         ways = ways_of(loops, neck, frame)
         strip = strip_of(ways, frame) or strip_of(ways := ways_of(loops, neck, frame, math.pi), frame)
         if strip is None:
@@ -93,15 +84,16 @@ def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip]
     return whole, short
 
 
-def _rough(loops: Sequence[Sequence[Segment]], neck: Neck) -> Axis:
-    """Return the frame in the middle of a chord along the mean direction of both edges there."""
+def _roughs(loops: Sequence[Sequence[Segment]], neck: Neck) -> list[Axis]:
+    """Return the frames in the middle of a chord, along the mean direction of both edges and at right angles to it."""
     right, left = ((loops[place.loop][place.segment], place.share) for place in (neck.right, neck.left))
     start, end = complex(right[0].at(right[1])), complex(left[0].at(left[1]))
     across = (end - start) / abs(end - start)
     ahead = complex(right[0].tangent(right[1])) - complex(left[0].tangent(left[1]))
-    if (ahead * (-1j * across).conjugate()).real < 0.5:
-        ahead = -1j * across
-    return Axis((start + end) / 2, cmath.phase(ahead))
+    directions = [-1j * across]
+    if (ahead * (-1j * across).conjugate()).real > 0.5 and abs(cmath.phase(ahead / directions[0])) > ALIKE:
+        directions.insert(0, ahead)
+    return [Axis((start + end) / 2, cmath.phase(direction)) for direction in directions]
 
 
 def _suggested(loops: Sequence[Sequence[Segment]], neck: Neck, rough: Axis) -> Iterator[Axis]:
@@ -290,16 +282,16 @@ def _points_of(curve: Bezier | Ellipse) -> AnyArray:
 
 
 def _is_even(strip: Strip) -> bool:
-    """Return whether a strip ends at four corners of one rectangle about its axis."""
+    """Return whether both edges of a strip end at the same positions, at the same distances from its axis."""
     corners = np.array([(edge[0].start, edge[-1].end) for edge in (strip.left, strip.right)])
-    return float(np.ptp(corners.real, axis=0).max()) < CLOSE and float(np.ptp(corners.imag)) < CLOSE
+    heights = corners.imag - corners.imag.mean(axis=1, keepdims=True)
+    return float(np.ptp(corners.real, axis=0).max()) < CLOSE and float(np.ptp(heights, axis=0).max()) < CLOSE
 
 
 def _table(strip: Strip) -> Fit | None:
     """Return the profile with rows of the drawn edges of a strip, None where there is none."""
     low, high = _gentle(strip)
     left, right = strip.left, strip.right
-    middle = (low + high) / 2
     is_curved = any(segment.centre is not None for edge in (left, right) for segment in edge)
     corners = np.array([z.real for edge in (left, right) for z in vertices(edge)])
     x = np.unique(np.round([low, high, *corners[(corners > low + CLOSE) & (corners < high - CLOSE)]], 9))
@@ -308,12 +300,9 @@ def _table(strip: Strip) -> Fit | None:
         x = np.linspace(low, high, 3)
     is_smooth = is_curved and max(map(abs, turns_in(left) + turns_in(right)), default=0.0) < CORNER
     with suppress(BadDimension):
-        if is_curved:
-            x = _refined(strip, x, is_smooth)
-        profile = _tabulated(strip, x, is_smooth)
-        ended = strip._replace(left=clipped(left, low, high), right=clipped(right, low, high))
-        frame = Axis(strip.frame.out(complex(middle)), strip.frame.heading)
-        return Fit(profile, "profile", {}, frame, _deviation(ended, profile, complex(middle)))
+        x, deviation = _refined(strip, x, is_smooth)
+        frame = Axis(strip.frame.out(complex((x[0] + x[-1]) / 2)), strip.frame.heading)
+        return Fit(_tabulated(strip, x, is_smooth), "profile", {}, frame, deviation)
     return None
 
 
@@ -326,22 +315,19 @@ def _tabulated(strip: Strip, x: Array, is_smooth: bool) -> Tabulated:
     return Tabulated(tuple(zip(x.tolist(), left.tolist(), right.tolist(), strict=True)), smooth=is_smooth)
 
 
-def _refined(strip: Strip, x: Array, is_smooth: bool) -> Array:
-    """Return positions with so many between them that a table follows the drawn edges."""
+def _refined(strip: Strip, x: Array, is_smooth: bool) -> tuple[Array, float]:
+    """Return positions with so many between them that a table follows the drawn edges, and its largest deviation."""
     for _ in range(ROUNDS):
-        profile = _tabulated(strip, x, is_smooth)
-        shares = np.array([0.25, 0.5, 0.75])[:, None]
-        between = x[:-1] + shares * np.diff(x)
-        drawn = np.stack([height_at(edge, between.ravel()) for edge in (strip.left, strip.right)])
-        local = between.ravel() - (x[0] + x[-1]) / 2
-        slope = np.gradient(drawn, axis=1) / np.gradient(between.ravel())
-        off = np.abs(drawn - edge_positions(profile, local)) / np.hypot(1, slope)
-        worst = off.max(axis=0).reshape(between.shape).max(axis=0)
+        between = x[:-1] + np.array(BETWEEN)[:, None] * np.diff(x)
+        drawn = np.stack([height_at(edge, between) for edge in (strip.left, strip.right)])
+        off = np.abs(drawn - edge_positions(_tabulated(strip, x, is_smooth), between - (x[0] + x[-1]) / 2))
+        slope = np.diff(np.stack([height_at(edge, x) for edge in (strip.left, strip.right)]), axis=1) / np.diff(x)
+        worst = (off / np.hypot(1, slope)[:, None]).max(axis=(0, 1))
         coarse = (worst > TABLE) & (np.diff(x) > 2 * CLOSE)
         if not coarse.any() or len(x) > MOST_ROWS:
             break
-        x = np.sort(np.append(x, between[1][coarse]))
-    return x
+        x = np.sort(np.append(x, (x[:-1] + np.diff(x) / 2)[coarse]))
+    return x, float(worst.max())
 
 
 def edge_positions(profile: Profile, x: Array) -> Array:

@@ -17,6 +17,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.importing.necks import Neck, Place
+from flexfem.mechanism.layout import PointOrPoints
 from flexfem.mechanism.outlines import SHORTEST, Segment
 from flexfem.mechanism.profiles import mapped
 
@@ -37,11 +38,11 @@ class Axis(NamedTuple):
     place: complex
     heading: float
 
-    def into(self, z: complex) -> complex:
+    def into(self, z: PointOrPoints) -> PointOrPoints:
         """Return a point in this frame."""
         return (z - self.place) * cmath.exp(-1j * self.heading)
 
-    def out(self, z: complex) -> complex:
+    def out(self, z: PointOrPoints) -> PointOrPoints:
         """Return a point of this frame in the plate."""
         return self.place + z * cmath.exp(1j * self.heading)
 
@@ -231,8 +232,8 @@ def share_at(segment: Segment, x: float) -> float:
 
 
 def height_at(edge: Sequence[Segment], x: Array) -> Array:
-    """Return the distances (n,) of an edge from the axis at positions (n,) on it, mm."""
-    found = np.full(len(x), np.nan)
+    """Return the distances (...) of an edge from the axis at positions (...) on it, mm."""
+    found = np.full(np.shape(x), np.nan)
     for segment in edge:
         low, high = segment.start.real, segment.end.real
         inside = (x >= low - CLOSE) & (x <= high + CLOSE) & np.isnan(found)
