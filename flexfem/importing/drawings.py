@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -17,7 +16,7 @@ from flexfem.files.writing import check_file, write_atomically
 from flexfem.importing.departure import Departure, departure, drawn_polygon, fine_polygon
 from flexfem.importing.found import FoundPlate
 from flexfem.importing.roles import Roles, Wishes, actuator_of, body_shape, point_of, roles_of
-from flexfem.importing.write import Heading, WrittenMechanism, written
+from flexfem.importing.write import Heading, WrittenMechanism, in_order, written
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import materials
 from flexfem.mechanism.mechanism import Mechanism
@@ -373,8 +372,8 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         written="" if target is None else str(target),
         thickness_mm=_shown(float(mechanism.thickness)),
         material=mechanism.material.name,
-        bodies=sorted(bodies, key=lambda each: _in_order(each.body)),
-        hinges=sorted(table, key=lambda each: _in_order(each.hinge)),
+        bodies=sorted(bodies, key=lambda each: in_order(each.body)),
+        hinges=sorted(table, key=lambda each: in_order(each.hinge)),
         ground=f"{', '.join(grounds)} ({roles.sources['ground']})",
         output=f"{plate.output} ({roles.sources['output']})",
         edge_off_um=float(f"{1e3 * off.largest:.2g}"),
@@ -386,12 +385,6 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         assumed=doubts.assumed,
         not_stated=doubts.not_stated,
     )
-
-
-def _in_order(name: str) -> list[tuple[bool, int, str]]:
-    """Return a key that sorts names with numbers as people do."""
-    parts = re.split(r"(\d+)", name)
-    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 
 
 def _shown(value: float) -> float:

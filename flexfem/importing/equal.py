@@ -225,8 +225,9 @@ class _Parts:
         copied = {body: k for k, orbit in enumerate(of_bodies) for body in orbit}
         of_hinges = list[list[int]]()
         for orbit in _orbits(kept, [step[1] for step in steps]):
-            for turn in range(len(orbit)):
-                turned = orbit[turn:] + orbit[:turn]
+            first = self.places[of_hinges[0][0] if of_hinges else orbit[0]]  # the copied hinges lie near to each other
+            for hinge in sorted(orbit, key=lambda k: (round(abs(self.places[k] - first), 3), k)):
+                turned = [hinge, *(other for other in orbit if other != hinge)]
                 if self._follows(turned, plan.moves, steps, chosen, copied):
                     of_hinges.append(turned)
                     break

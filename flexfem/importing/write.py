@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -260,7 +261,8 @@ class _Writer:
         return "\n".join(lines)
 
     def _copy(self, copies: CopiedParts) -> str:
-        names = [self.names.bodies[k] for k in copies.bodies] + [self.names.hinges[k] for k in copies.hinges]
+        names = sorted((self.names.bodies[k] for k in copies.bodies), key=in_order)
+        names += sorted((self.names.hinges[k] for k in copies.hinges), key=in_order)
         lines = ["[[copy]]", f"parts = {as_toml(names)}"]
         if copies.mirror is not None:
             first, second = (row_text([decimal(z.real), decimal(z.imag)]) for z in copies.mirror)
@@ -423,6 +425,12 @@ def _prefixes(groups: Sequence[EqualHinges], roots: Sequence[str]) -> list[str]:
     if sum(bool(group.dimensions) for group in groups) < 2:
         return [""] * len(groups)
     return [f"{root.replace(' ', '_')}_" for root in roots]
+
+
+def in_order(name: str) -> list[tuple[bool, int, str]]:
+    """Return a key that sorts names with numbers as people do."""
+    parts = re.split(r"(\d+)", name)
+    return [(part.isdigit(), int(part) if part.isdigit() else 0, part) for part in parts]
 
 
 def _singular(shape: str) -> str:
