@@ -27,7 +27,8 @@ ROOT = Path(__file__).parent.parent
 PLATES = ("bridge-amplifier", "lever-amplifier", "xy-stage")
 NUMBERS = (b"nan", b"inf", b"-1e308", b"1e400", b"0", b"-1", b"99999999999999999999", b"1e-320", b"")
 INKSCAPE = """<svg xmlns="http://www.w3.org/2000/svg" width="80mm" height="60mm" viewBox="0 0 80 60">
-<style>.cut {stroke: red; fill: none}</style><defs><g id="p"><path class="cut" d="M26 0H0v40h60V0L34 0A4 4 0 0 1 26 0Z"/>
+<style>.cut {stroke: red; fill: none}</style><defs><g id="p"><path
+class="cut" d="M26 0H0v40h60V0L34 0A4 4 0 0 1 26 0Z"/>
 <circle class="cut" cx="12" cy="25" r="3"/></g></defs><use href="#p" transform="rotate(30) scale(-1 1)"/>
 <g id="GROUND"><path d="M0 0c3 4 5 6 9 9q3 3 4 0t9 0s3 3 9 9z" style="stroke-dasharray:none"/></g></svg>"""
 

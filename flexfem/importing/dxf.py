@@ -25,11 +25,11 @@ from flexfem.importing.units import MM, DrawingUnit
 from flexfem.mechanism.outlines import Segment, bowed
 from flexfem.refused import BadInput, text_of
 
-MOST_ENTITIES = 200_000  # also those that blocks repeat, and vertices
+MOST_ENTITIES = 100_000  # also those that blocks repeat, and vertices
 DEEPEST = 32  # blocks in blocks
 HIGHEST_DEGREE = 25  # of a spline
 BINARY = b"AutoCAD Binary DXF\r\n\x1a\x00"
-ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?\n[ \t]*[A-Z0-9_]", re.MULTILINE)
+ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?\n[ \t]*(?:[A-Z_]|3D)", re.MULTILINE)
 END = re.compile(rb"(^|\n)[ \t]*0[ \t]*\r?\n[ \t]*EOF\s*\x00*\s*$|\x00+EOF\x00+\s*$")
 NOT_DRAWN = {  # what an entity is called, in the plural
     "DIMENSION": "dimensions",

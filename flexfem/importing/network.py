@@ -15,9 +15,13 @@ from scipy.spatial import cKDTree
 from flexfem.arrays import AnyArray, Array
 from flexfem.importing.curves import DrawnCurve, with_ends
 from flexfem.mechanism.outlines import Segment
+from flexfem.refused import BadInput
 
 SNAP = 1e-4  # mm; ends at a smaller distance are one point: programs round coordinates
 SAME = 5e-4  # mm; two edges between the same vertices with middles at a smaller distance are one
+MOST_PAIRS = 3_000_000  # of curves or points whose boxes overlap
+AT_ONCE = 256  # points or boxes that are searched together, which limits the memory
+TOO_DENSE = f"more than {MOST_PAIRS:,} pairs of curves over each other, expected the contours of a part"
 ROUNDS = 3  # of closing gaps; an end that is moved to a line divides the line
 NEAREST = 6  # open ends that are tried for each
 
@@ -91,8 +95,29 @@ class Shapes:
     def near(self, points: AnyArray, distance: float) -> tuple[AnyArray, AnyArray]:
         """Indices of points, and of segments whose boxes are within a distance of them."""
         at = shapely.points(points.real, points.imag)
-        found = self.tree.query(at, predicate="dwithin", distance=distance)
-        return found[0], found[1]
+        found = [np.empty((2, 0), dtype=int)]
+        number = 0
+        for first in range(0, len(at), AT_ONCE):
+            pairs = self.tree.query(at[first : first + AT_ONCE], predicate="dwithin", distance=distance)
+            number += pairs.shape[1]
+            if number > MOST_PAIRS:
+                raise BadInput(TOO_DENSE)
+            found.append(np.stack([pairs[0] + first, pairs[1]]))
+        near = np.concatenate(found, axis=1)
+        return near[0], near[1]
+
+    def overlapping(self) -> AnyArray:
+        """Pairs (2, n) of segments whose boxes overlap, each once."""
+        found = [np.empty((2, 0), dtype=int)]
+        number = 0
+        for first in range(0, len(self.boxes), AT_ONCE):
+            one, other = self.tree.query(self.boxes[first : first + AT_ONCE])
+            pairs = np.stack([one + first, other])[:, one + first < other]
+            number += pairs.shape[1]
+            if number > MOST_PAIRS:
+                raise BadInput(TOO_DENSE)
+            found.append(pairs)
+        return np.concatenate(found, axis=1)
 
 
 def network_of(curves: Sequence[DrawnCurve], tolerance: float) -> CurveNetwork:

@@ -290,7 +290,7 @@ def _left_out(contents: Contents) -> str:
 
 def _counted(contents: Contents) -> str:
     """Number and names of what was left out."""
-    return ", ".join(f"{number} {what}" for what, number in contents.left_out.most_common(8))
+    return ", ".join(f"{what} ({number})" for what, number in contents.left_out.most_common(8))
 
 
 def _notes(contents: Contents, found: Sorted, loops: Sequence[SmoothLoop], wanted: _Wanted) -> list[str]:
@@ -301,17 +301,17 @@ def _notes(contents: Contents, found: Sorted, loops: Sequence[SmoothLoop], wante
         notes.append(f"Left out: {_counted(contents)}.")
     gaps = [gap for gap in found.network.gaps if gap > 0]
     if gaps:
-        notes.append(f"{len(gaps)} gaps of at most {max(gaps):.3g} mm were closed.")
+        notes.append(f"Gaps that were closed: {len(gaps)}, of at most {max(gaps):.3g} mm.")
     if found.network.doubles:
-        notes.append(f"{found.network.doubles} lines or arcs are drawn more than once, and were merged.")
+        notes.append(f"Lines and arcs that are drawn more than once, and were merged: {found.network.doubles}.")
     if found.regions.dividing:
-        notes.append(f"{len(found.regions.dividing)} lines that divide metal were left out.")
+        notes.append(f"Lines inside the metal that were left out: {len(found.regions.dividing)}.")
     if found.layers:
         notes.append(f"Curves on layer {', '.join(found.layers)} are edges of metal too.")
     arcs = sum(each.arcs for each in loops)
     if arcs:
         off = max(each.off for each in loops) * 1e3
-        notes.append(f"{arcs} rows of short lines are read as arcs, from which the lines are at most {off:.2g} um off.")
+        notes.append(f"Rows of short lines that are read as arcs: {arcs}, at most {off:.2g} um off them.")
     if contents.deviation > 1e-9:
         off = 1e3 * (contents.deviation + max(each.joined for each in loops))
         notes.append(f"Splines, ellipses or Bezier curves are read as arcs, at most {off:.2g} um off.")
@@ -329,5 +329,5 @@ def _notes_of_parts(others: Sequence[tuple[int, DrawnPlate]]) -> list[str]:
         what = f"a disc {2 * circle[1]:.4g} mm in diameter" if circle and not plate.holes else f"{plate.size:.4g} mm^2"
         notes.append(f"Part {number}, {what} around {_at(complex(where))}, was left out.")
     if len(others) > NAMED:
-        notes.append(f"{len(others) - NAMED} smaller parts were left out, too.")
+        notes.append(f"Smaller parts that were left out: {len(others) - NAMED}.")
     return notes

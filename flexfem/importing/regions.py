@@ -21,7 +21,6 @@ from flexfem.refused import BadInput
 FLATNESS = 1e-4  # mm; of polygons in which points are looked up
 DOUBLED = 1e-3  # weight of a line that two curves share, among lines that may divide metal
 TIME_LIMIT = 10.0  # s, for the choice of dividing lines
-MOST_PAIRS = 2_000_000  # of curves whose boxes overlap
 
 
 class OpenChain(NamedTuple):
@@ -128,10 +127,7 @@ def _crossings(edges: Sequence[Edge]) -> AnyArray:
     this is how far the curves reach beyond each other.
     """
     shapes = Shapes([edge.segment for edge in edges])
-    pairs = shapes.tree.query(shapes.boxes)
-    pairs = pairs[:, pairs[0] < pairs[1]]
-    if pairs.shape[1] > MOST_PAIRS:
-        raise BadInput(f"more than {MOST_PAIRS:,} pairs of curves lie over each other, expected the contours of a part")
+    pairs = shapes.overlapping()
     found = [np.empty(0, dtype=complex)]
     for k in range(0, pairs.shape[1], 200_000):
         one, other = pairs[:, k : k + 200_000]

@@ -62,44 +62,42 @@ def _arcs_of_chords(loop: list[Segment]) -> SmoothLoop:
     """Return the loop with arcs in place of rows of short lines whose ends are on one circle."""
     segments = list[Segment]()
     arcs, off = 0, 0.0
+    points = np.array([*(each.start for each in loop), loop[-1].end])
+    rows = _row_ends(loop, points)
     k = 0
     while k < len(loop):
-        last = _straight_row(loop, k)
-        count, centre = _longest_row(loop, k, last)
-        if count < FEWEST or centre is None:
+        count, centre = _longest_row(points[k : rows[k] + 1])
+        if centre is None:
             segments.append(loop[k])
             k += 1
             continue
         row = loop[k : k + count]
-        found = _arc_through(row, centre)
         off = max(off, _off(row, centre))
-        segments += found
+        segments += _arc_through(row, centre)
         arcs += 1
         k += count
     return SmoothLoop(segments, arcs, off)
 
 
-def _straight_row(loop: list[Segment], first: int) -> int:
-    """Return the end of the row of lines from `first` that turn a little, all to one side."""
-    if loop[first].centre is not None:
-        return first
-    last = first + 1
-    side = 0.0
-    while last < len(loop) and loop[last].centre is None:
-        before = loop[last - 1].end - loop[last - 1].start
-        turn = float(np.angle((loop[last].end - loop[last].start) / before))
-        if abs(turn) > STEP or turn * side < 0 or turn == 0:
-            break
-        side = turn
-        last += 1
-    return last
+def _row_ends(loop: Sequence[Segment], points: AnyArray) -> list[int]:
+    """Return, by line, the index after the last one of a row from it that turns a little, all to one side."""
+    straight = np.array([each.centre is None for each in loop])
+    steps = np.diff(points)
+    turns = np.angle(steps[1:] / steps[:-1])
+    small = straight[1:] & straight[:-1] & (np.abs(turns) <= STEP)
+    sides = np.where(small, np.sign(turns), 0.0).tolist()
+    ends = [k + 1 if line else k for k, line in enumerate(straight.tolist())]
+    for k in range(len(loop) - 2, -1, -1):
+        if sides[k]:
+            goes_on = k + 1 < len(sides) and sides[k + 1] == sides[k]
+            ends[k] = ends[k + 1] if goes_on else k + 2
+    return ends
 
 
-def _longest_row(loop: list[Segment], first: int, last: int) -> tuple[int, complex | None]:
-    """Number of lines from `first`, at most up to `last`, whose ends are on one circle, and its centre."""
-    if last - first < FEWEST:
+def _longest_row(points: AnyArray) -> tuple[int, complex | None]:
+    """Number of lines through points, from the first, whose ends are on one circle, and its centre or None."""
+    if len(points) <= FEWEST:
         return 0, None
-    points = np.array([*(each.start for each in loop[first:last]), loop[last - 1].end])
     for tolerance in (EXACT, ON_ARC):
         if _centre(points[: FEWEST + 1], tolerance) is not None:
             break

@@ -60,7 +60,7 @@ def _check(found: FoundSection, part: int | str | None) -> None:
     if abs(change) > LEFT_OUT:
         raise BadInput(
             f"a solid of {found.solid:.4g} mm^3 that is no plate of one thickness: its middle section times "
-            f"{found.thickness:.4g} mm is {found.plate:.4g} mm^3 ({_faces(found) or 'all faces are perpendicular'}); "
+            f"{found.thickness:.4g} mm is {found.plate:.4g} mm^3 (faces: {_faces(found) or 'all are perpendicular'}); "
             f"expected a difference of at most {LEFT_OUT:.0%}"
         )
 
@@ -68,7 +68,7 @@ def _check(found: FoundSection, part: int | str | None) -> None:
 def _faces(found: FoundSection) -> str:
     """Kinds, numbers and areas of the faces that are left out."""
     kinds = found.other.items()
-    return ", ".join(f"{number} {kind.lower()} faces of {size:.4g} mm^2" for kind, (number, size) in kinds)
+    return ", ".join(f"{kind.lower()} ({number}, {size:.4g} mm^2)" for kind, (number, size) in kinds)
 
 
 def _notes(found: FoundSection) -> list[str]:

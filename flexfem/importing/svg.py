@@ -24,6 +24,7 @@ from flexfem.mechanism.outlines import Segment
 from flexfem.refused import BadInput, text_of
 
 MOST_ELEMENTS = 200_000  # also those that `use` repeats
+LARGEST_FILE = 20_000_000  # bytes; some 500,000 lines
 DEEPEST = 200  # elements in elements
 LONGEST_STYLE = 100_000  # characters of a style sheet
 LONGEST_TRANSFORM = 2_000
@@ -66,6 +67,8 @@ def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
 
     Raises BadInput for a file that is not XML, declares entities or repeats too many elements.
     """
+    if len(data) > LARGEST_FILE:
+        raise BadInput(f"{len(data):,} bytes, expected at most {LARGEST_FILE:,}")
     root = _parsed(data)
     if root.tag not in (f"{SVG}svg", "svg"):
         raise BadInput(f"an XML file of <{_name(root)[:40]}>, expected <svg>")

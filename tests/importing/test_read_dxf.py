@@ -168,10 +168,12 @@ def test_binary_file(tmp_path):
 
 def test_what_is_done_to_a_drawing_is_said(tmp_path):
     (note,) = read_drawing(drawn(with_small_gaps, tmp_path)).notes
-    assert note == "6 gaps of at most 0.000707 mm were closed."  # 4 corners of 0.5 um each way, 2 ends at the arc
-    assert any("drawn more than once" in each for each in read_drawing(drawn(as_lines_drawn_twice, tmp_path)).notes)
+    assert (
+        note == "Gaps that were closed: 6, of at most 0.000707 mm."
+    )  # 4 corners of 0.5 um each way, 2 ends at the arc
+    assert any("were merged: " in each for each in read_drawing(drawn(as_lines_drawn_twice, tmp_path)).notes)
     drawing = read_drawing(drawn(as_short_lines, tmp_path))
-    assert drawing.notes == ("2 rows of short lines are read as arcs, from which the lines are at most 0.37 um off.",)
+    assert drawing.notes == ("Rows of short lines that are read as arcs: 2, at most 0.37 um off them.",)
     assert math.isclose(drawing.deviation, 3.0 * (1 - math.cos(math.pi / 200)), rel_tol=1e-6)
 
 
@@ -220,9 +222,15 @@ def test_what_is_no_edge_of_metal_is_left_out(tmp_path):
     drawing = read_drawing(drawn(annotated, tmp_path))
     assert math.isclose(area_of(drawing), PLATE, rel_tol=ROUND_OFF)
     (note,) = drawing.notes
-    for each in ("2 texts", "1 dimensions", "1 hatches", "2 curves of line type VERDECKT", "layer old, which is off"):
+    for each in (
+        "texts (2)",
+        "dimensions (1)",
+        "hatches (1)",
+        "curves of line type VERDECKT (2)",
+        "layer old, which is off (1)",
+    ):
         assert each in note
-    assert "1 entities on layer Dimensions" in note and "construction lines" in note and "paper space" in note
+    assert "entities on layer Dimensions (1)" in note and "construction lines" in note and "paper space" in note
 
 
 def test_largest_of_several_parts_is_taken_and_the_others_are_named(tmp_path):
@@ -383,7 +391,7 @@ REFUSED = {
     endless: r"blocks in blocks deeper than 32",
     too_many: r"entities with those of blocks, expected fewer|repeated",
     lambda space: None: r"no curve of a contour, expected the closed contours",
-    lambda space: space.add_text("only text"): r"no curve of a contour; left out: 1 texts",
+    lambda space: space.add_text("only text"): r"no curve of a contour; left out: texts \(1\)",
     lambda space: space.add_circle((1.025, 0), 1.025): r"2\.05 mm across: inches\?",
     lambda space: space.add_circle((0, 0), 60_000): r"1\.2e\+05 mm across: um\?",
     lambda space: space.add_circle((math.nan, 0), 60): r"finite numbers",
@@ -402,12 +410,16 @@ def test_refusals_are_one_line(draw, tmp_path):
 def test_wider_tolerance_closes_a_gap(tmp_path):
     drawing = read_drawing(drawn(open_contour, tmp_path), tolerance=0.3)
     assert math.isclose(area_of(drawing), 2400 - math.pi * 25, rel_tol=0.3 * 60 / 2400)
-    assert drawing.notes == ("1 gaps of at most 0.25 mm were closed.",)
+    assert drawing.notes == ("Gaps that were closed: 1, of at most 0.25 mm.",)
+
+
+LINE = b"0\nLINE\n8\n0\n10\n0\n20\n0\n11\n1\n21\n1\n"
 
 
 @pytest.mark.parametrize(
     ("content", "message"),
     [
+        (b"0\nSECTION\n2\nENTITIES\n" + LINE * 250_000 + b"0\nENDSEC\n0\nEOF\n", "250,003 entities, expected at most"),
         (b"", "an empty file"),
         (b" \n\t\n", "an empty file"),
         (b"PK\x03\x04\x00\x00", "neither text nor a binary DXF file"),

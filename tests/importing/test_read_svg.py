@@ -132,7 +132,7 @@ def test_layers_of_inkscape_are_marks(tmp_path):
     assert math.isclose(area_of(drawing), PLATE, rel_tol=ROUND_OFF)
     marks = {mark.layer: set(np.round(mark.points, 9)) for mark in drawing.marks}
     assert marks == {"GROUND": {-36j, 60 - 36j, 60 - 40j, -40j}, "OUTPUT": {50 - 5j, 54 - 5j, 54 - 9j, 50 - 9j}}
-    assert drawing.notes == ("Left out: 1 elements of Dimensions.",)
+    assert drawing.notes == ("Left out: elements of Dimensions (1).",)
 
 
 def test_unit_of_the_user_replaces_that_of_the_file(tmp_path):
@@ -157,7 +157,7 @@ REFUSED = {
         '<!DOCTYPE svg [<!ENTITY x SYSTEM "file:///etc/passwd">]>' + HEAD + IN_MM + "<text>&x;</text></svg>",
         r"declarations in <!DOCTYPE>",
     ),
-    "nothing": (HEAD + IN_MM + "<text>60</text></svg>", r"no curve of a contour; left out: 1 texts"),
+    "nothing": (HEAD + IN_MM + "<text>60</text></svg>", r"no curve of a contour; left out: texts \(1\)"),
     "repeated": (HEAD + IN_MM + BOMB + "</svg>", r"e\+\d\d elements with those that <use> repeats"),
     "repeats itself": (HEAD + IN_MM + '<g id="a"><use href="#a"/></g></svg>', r"may repeat itself"),
     "deep": (HEAD + IN_MM + "<g>" * 5000 + "</g>" * 5000 + "</svg>", r"nested more than 200 deep"),
