@@ -17,6 +17,7 @@ from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points
 STEP = np.pi / 256  # rad of arc per vertex of the polygons that contain holes
 EMPTY = 1e-9  # mm^2, up to which a loop encloses nothing
 NOTHING = -1  # in place of a body, at a hinge that ends at another one
+APART = 1e-6  # between two positions, above which two hinges overlap
 SAME = 1e-9  # between two positions
 TOUCHING = 2e-3  # mm, of the corner of a hinge from the drawn edge
 NEAR, FAR = 0, 1  # ends of a hinge at its first and its second body
@@ -49,15 +50,23 @@ class Edges:
 
     def __init__(self, loops: Sequence[Sequence[Segment]]) -> None:
         self.loops = loops
+        self._ends = [np.array([segment[:2] for segment in loop]) for loop in loops]
+        self._arcs = [np.array([segment.centre is not None for segment in loop]) for loop in loops]
 
     def position(self, loop: int, z: complex) -> tuple[float, float]:
         """Return the position on a loop that is nearest to a point, and its distance, mm."""
+        start, end = self._ends[loop].T
+        share = np.clip(((z - start) / (end - start)).real, 0.0, 1.0)
+        distance = np.abs(z - start - share * (end - start))
+        chords = np.abs(end - start)
+        near = np.flatnonzero(distance <= distance.min() + np.where(self._arcs[loop], chords, TOUCHING))
         best, at = np.inf, 0.0
-        for index, segment in enumerate(self.loops[loop]):
-            share = min(max(float(segment.shares(np.asarray(z))), 0.0), 1.0)
-            distance = abs(complex(segment.at(share)) - z)
-            if distance < best:
-                best, at = distance, index + share
+        for index in near.tolist():
+            segment = self.loops[loop][index]
+            share_there = min(max(float(segment.shares(np.asarray(z))), 0.0), 1.0)
+            away = abs(complex(segment.at(share_there)) - z)
+            if away < best:
+                best, at = away, index + share_there
         return at % len(self.loops[loop]), best
 
     def stretch(self, loop: int, start: float, end: float) -> list[Segment]:
@@ -89,9 +98,10 @@ def cut_of(edges: Edges, neck: Neck, fit: Fit) -> Cut | None:
 
 
 def _contains(stretch: Stretch, position: float) -> bool:
+    first, last = stretch.start + APART, stretch.end - APART
     if stretch.start <= stretch.end:
-        return stretch.start < position < stretch.end
-    return position > stretch.start or position < stretch.end
+        return first < position < last
+    return position > first or position < last
 
 
 def overlap(cut: Cut, others: Sequence[Cut]) -> bool:
@@ -133,6 +143,9 @@ def divided(edges: Edges, cuts: Sequence[Cut]) -> Divided:
             continue
         z = complex(loop[0].at(0.5))
         inside = [n for n, face in enumerate(faces) if face.distance(shapely.Point(z.real, z.imag)) < TOUCHING]
+        if not inside:
+            body_of[k] = NOTHING
+            continue
         number = min(inside, key=lambda n: faces[n].area)
         body_of[k] = number
         holes[number].append(tuple(loop))

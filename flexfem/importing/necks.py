@@ -21,7 +21,8 @@ from flexfem.mechanism.outlines import Segment
 
 NARROWER = 1.5  # width of the narrower of two parts per width of the chord between them, from which it may be a hinge
 ROUNDS = 14  # in which points are added, each time in the middle between two
-PER_WIDTH = 0.7  # distance of points on the edge per width of the metal there
+PER_WIDTH = 1.0  # distance of points on the edge per width of the metal there
+FEW = 2e-4  # points per point from which it is too far to the next, that are left as they are
 AROUND = 3.0  # way along the edge between two points per distance, below which they face no metal
 PER_EXTENT = 1 / 60  # distance of the first points, per extent of the plate
 FIRST_TURN = np.pi / 12  # of an arc between two of the first points
@@ -130,7 +131,7 @@ def triangles_of(loops: Sequence[Sequence[Segment]]) -> Triangles:
     for last in [*[False] * (ROUNDS - 1), True]:
         found, missing = _triangles(edge)
         coarse = missing | _too_coarse(edge, found)
-        if last or not coarse.any():
+        if last or (not missing.any() and np.count_nonzero(coarse) <= FEW * len(coarse)):
             return found
         edge.halve(coarse)
     raise AssertionError

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from functools import partial
 
 import numpy as np
 import shapely
 
-from flexfem.importing.divide import NOTHING, Cut, Edges, cut_of, divided, overlap
-from flexfem.importing.found import Drawing, FoundHinge, FoundPlate
-from flexfem.importing.necks import Neck, Triangles, necks_of, triangles_of
-from flexfem.importing.shapes import ALLOWED, Fit, fits_of
+from flexfem.importing.divide import NOTHING, Cut, Divided, Edges, cut_of, divided, overlap
+from flexfem.importing.found import Drawing, FoundBody, FoundHinge, FoundPlate
+from flexfem.importing.layers import is_ground
+from flexfem.importing.metal import Paths, Room
+from flexfem.importing.necks import Neck, necks_of, triangles_of
+from flexfem.importing.shapes import ALLOWED, fits_of
 from flexfem.importing.strips import joined
-from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
+from flexfem.mechanism.outlines import Segment, circle_of
 from flexfem.mechanism.profiles import Profile, Tabulated
 
 THIN = 2.7  # width of the narrower body per neck from which a neck is a hinge
@@ -23,11 +25,8 @@ FLEXIBLE = 20.0  # flexibility from which a neck is a hinge in bodies less wide
 AMONG_OTHERS = 0.05  # its compliance per that of the most compliant hinge, from which it is one
 STIFF = 5.0  # flexibility up to which a neck is no hinge
 STIFF_RIM = 40.0  # the same of the rim of a round hole
-WIDENS = 1.6  # width of a body near the end of a hinge, per height of this end
-BEYOND = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # distances from the end of a hinge, per height of this end, where it widens
-ASIDE = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # of them, distances from the axis, per height of this end
-STEP = np.pi / 64  # rad of arc per side of the polygon from which distances are taken
-SLENDER = 1.5  # width of slender metal per width of its narrowest place
+LEAST = 0.1  # mm; a plate with a narrower neck is enlarged, so that differences of a micrometre are small in it
+ON_MARK = np.linspace(0, 1, 5)  # points of a side, per length, that are on a mark
 MOST_FITS = 8  # of one neck that are tried
 
 
@@ -35,27 +34,51 @@ def recognise(drawing: Drawing) -> FoundPlate:
     """Return the bodies and hinges of the plate of a drawing.
 
     A hinge is a place where the metal is thin compared with what it connects at both ends. What no shape of a hinge
-    reproduces within a thousandth of a millimetre stays a part of a body. Bodies and hinges together are the plate.
+    reproduces within a thousandth of a millimetre, in a plate thinner than a tenth of a millimetre within a hundredth
+    of that, stays a part of a body. Bodies and hinges together are the plate.
     """
     loops = [_cyclic(loop) for loop in (drawing.outside, *drawing.holes)]
     triangles = triangles_of(loops)
     between, closing = necks_of(triangles)
-    paths, room = _Paths(triangles), _Room(loops)
-    edges = Edges(loops)
-    cuts = list[Cut]()
-    for neck in sorted(between, key=lambda neck: neck.width):
-        found = next((cut for cut in _cuts(edges, neck) if not overlap(cut, cuts) and room.widens(cut.fit)), None)
-        if found is not None:
-            cuts.append(found)
-    cuts = _flexible(edges, cuts)
-    result = divided(edges, cuts)
-    while unconnected := [k for k, pair in enumerate(result.between) if pair[0] == pair[1] or NOTHING in pair]:
-        cuts = [cut for k, cut in enumerate(cuts) if k not in unconnected]
-        result = divided(edges, cuts)
+    thinnest = min((neck.width for neck in between), default=LEAST)
+    scale = max(LEAST / thinnest, 1.0)
+    edges = Edges([[resized(segment, scale) for segment in loop] for loop in loops])
+    cuts, result = _settled(edges, _flexible(edges, _first(edges, between, scale)))
     kept = {cut.neck.chord for cut in cuts}
     thin = [neck for neck in (*between, *closing) if neck.chord not in kept and neck.beyond > THIN * neck.width]
-    hinges = tuple(_hinge(cut, ends) for cut, ends in zip(cuts, result.between, strict=True))
-    return FoundPlate(drawing, tuple(result.bodies), hinges, paths.slender(thin))
+    hinges = [_hinge(cut, ends, 1 / scale) for cut, ends in zip(cuts, result.between, strict=True)]
+    bodies = [_body(body, drawing, 1 / scale) for body in result.bodies]
+    return FoundPlate(drawing, tuple(bodies), tuple(hinges), Paths(triangles).slender(thin))
+
+
+def _first(edges: Edges, necks: Sequence[Neck], scale: float) -> list[Cut]:
+    """Return the first fit of each neck that is apart from those of narrower necks."""
+    room, cuts = Room(edges.loops), list[Cut]()
+    for neck in sorted(necks, key=lambda neck: neck.width):
+        sized = neck._replace(width=scale * neck.width, beyond=scale * neck.beyond)
+        for cut in _cuts(edges, sized):
+            if not overlap(cut, cuts) and room.widens(cut.fit) and room.is_clear(cut.fit):
+                cuts.append(cut)
+                break
+    return cuts
+
+
+def _settled(edges: Edges, cuts: Sequence[Cut]) -> tuple[list[Cut], Divided]:
+    """Return the hinges between two bodies, and these.
+
+    A hinge that touches another one is made shorter. One whose ends are on one body is none.
+    """
+    settled = list(cuts)
+    result = divided(edges, settled)
+    touching = [k for k, pair in enumerate(result.between) if NOTHING in pair]
+    for k in touching:
+        shorter = map(partial(cut_of, edges, settled[k].neck), fits_of(edges.loops, settled[k].neck, low=True))
+        settled[k] = next((cut for cut in shorter if cut is not None and cut.fit.deviation <= ALLOWED), settled[k])
+    result = divided(edges, settled)
+    while outside := [k for k, pair in enumerate(result.between) if pair[0] == pair[1] or NOTHING in pair]:
+        settled = [cut for k, cut in enumerate(settled) if k not in outside]
+        result = divided(edges, settled)
+    return settled, result
 
 
 def _cyclic(loop: Sequence[Segment]) -> list[Segment]:
@@ -106,82 +129,40 @@ def _is_rim(edges: Edges, cut: Cut) -> bool:
     return loops[0] is not loops[1] and sum(circle_of(loop) is not None for loop in loops) == 1
 
 
-def _hinge(cut: Cut, bodies: tuple[int, int]) -> FoundHinge:
+def _hinge(cut: Cut, bodies: tuple[int, int], scale: float) -> FoundHinge:
     fit = cut.fit
-    table = fit.profile.table if isinstance(fit.profile, Tabulated) else ()
-    smooth = isinstance(fit.profile, Tabulated) and fit.profile.smooth
-    place, heading = fit.frame
-    return FoundHinge(bodies, place, heading, fit.shape, fit.dimensions, table, fit.deviation, smooth, fit.side)
+    table = fit.profile if isinstance(fit.profile, Tabulated) else None
+    rows = () if table is None else table.table
+    return FoundHinge(
+        bodies=bodies,
+        place=scale * fit.frame.place,
+        heading=fit.frame.heading,
+        shape=fit.shape,
+        dimensions={key: value if key == "angle" else scale * value for key, value in fit.dimensions.items()},
+        table=tuple(tuple(scale * value for value in row) for row in rows),
+        deviation=scale * fit.deviation,
+        smooth=table is not None and table.smooth,
+        side=fit.side,
+    )
 
 
-class _Room:
-    """Room for discs in the metal of a plate."""
-
-    def __init__(self, loops: Sequence[Sequence[Segment]]) -> None:
-        rings = [polygon_points(loop, STEP) for loop in loops]
-        sides = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
-        self._tree = shapely.STRtree(np.asarray(shapely.linestrings(sides)))
-        self._metal = shapely.Polygon(rings[0], rings[1:])
-        shapely.prepare(self._metal)
-
-    def widens(self, fit: Fit) -> bool:
-        """Return whether the metal widens soon beyond both ends of a hinge."""
-        half = fit.profile.length / 2
-        for side in (-1, 1):
-            height = float(fit.profile.height(np.array(side * half)))
-            if height > WIDENS * fit.profile.neck:
-                continue
-            ahead = side * (half + height * np.array(BEYOND))
-            local = ahead[:, None] + 1j * height * np.array(ASIDE)
-            z = np.asarray(fit.frame.out(local)).ravel()
-            inside = shapely.contains_xy(self._metal, z.real, z.imag)
-            points = shapely.points(z.real[inside], z.imag[inside])
-            distances = self._tree.query_nearest(points, all_matches=False, return_distance=True)[1]
-            if max(distances, default=0.0) < WIDENS * height / 2:
-                return False
-        return True
+def _body(body: FoundBody, drawing: Drawing, scale: float) -> FoundBody:
+    """Return a body in the size of the drawing, with the sides on its open marks of the ground."""
+    outside = tuple(resized(segment, scale) for segment in body.outside)
+    holes = tuple(tuple(resized(segment, scale) for segment in hole) for hole in body.holes)
+    marks = [
+        mark.points for mark in drawing.marks if is_ground(mark.layer) and not mark.closed and len(mark.points) > 1
+    ]
+    lines = shapely.MultiLineString([[(z.real, z.imag) for z in points] for points in marks])
+    clamped = list[int]()
+    for k, segment in enumerate(outside):
+        z = segment.at(ON_MARK)
+        if marks and np.all(shapely.dwithin(lines, shapely.points(z.real, z.imag), ALLOWED)):
+            clamped.append(k)
+    return FoundBody(outside, holes, tuple(clamped))
 
 
-class _Paths:
-    """Ways through the triangles of a plate from chord to chord."""
-
-    def __init__(self, triangles: Triangles) -> None:
-        self.triangles = triangles
-        self.middles = triangles.points[triangles.chords].mean(axis=1)
-        order = np.argsort(triangles.beside.ravel(), kind="stable")
-        self._chords = order // 2
-        self._first = np.searchsorted(triangles.beside.ravel()[order], np.arange(len(triangles.corners) + 1))
-
-    def beyond(self, chord: int, side: int, widest: float, reach: float) -> Iterator[tuple[int, int]]:
-        """Yield the chords, and triangles behind them, on one side of a chord that narrower and near ones lead to."""
-        start = int(self.triangles.beside[chord, side])
-        stack, seen = [start], {start}
-        while stack:
-            triangle = stack.pop()
-            for other in self._chords[self._first[triangle] : self._first[triangle + 1]].tolist():
-                ends = self.triangles.beside[other].tolist()
-                behind = ends[0] if ends[1] == triangle else ends[1]
-                if other == chord or behind in seen:
-                    continue
-                yield other, behind
-                seen.add(behind)
-                is_near = abs(self.middles[other] - self.middles[chord]) < reach
-                if is_near and self.triangles.lengths[other] < widest:
-                    stack.append(behind)
-
-    def slender(self, necks: Sequence[Neck]) -> tuple[Any, ...]:
-        """Return the polygons of the narrow metal at necks."""
-        found = set[int]()
-        for neck in necks:
-            for side in (0, 1):
-                if int(self.triangles.beside[neck.chord, side]) in found:
-                    continue
-                for chord, triangle in self.beyond(neck.chord, side, SLENDER * neck.width, np.inf):
-                    if self.triangles.lengths[chord] < SLENDER * neck.width:
-                        found.add(triangle)
-        corners = self.triangles.points[self.triangles.corners[sorted(found)]]
-        rings = np.stack([corners.real, corners.imag], axis=-1)
-        if not len(rings):
-            return ()
-        whole = shapely.union_all(shapely.polygons(rings))
-        return tuple(shapely.get_parts(whole))
+def resized(segment: Segment, scale: float) -> Segment:
+    """Return a segment in another size."""
+    centre = None if segment.centre is None else scale * segment.centre
+    return Segment(scale * segment.start, scale * segment.end, centre)

@@ -28,7 +28,7 @@ from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.profiles import BadDimension, Bezier, Curve, Ellipse, Profile, Tabulated, mapped, profile_of
 
 ALLOWED = 1e-3  # mm, largest distance of the edge of a shape from the drawn one
-TABLE = 4e-4  # mm, the same of a table between its rows
+TABLE = 5e-5  # mm, the same of a table between its rows
 EXACT = 1e-6  # mm; smaller differences of dimensions are round-off of coordinates
 PER_CURVE = 9  # points of a drawn segment that are compared
 FINE = 400  # points of an ellipse or parabola in their place
@@ -36,7 +36,9 @@ MOST_ROWS = 2000
 BETWEEN = (0.05, 0.25, 0.5, 0.75, 0.95)  # positions between two rows at which a table is compared
 ROUNDS = 14  # in which rows are added to a table
 SHORT_LEAF = 12.0  # length per neck up to which a leaf with fillets is a filleted hinge
+LOW = 4.0  # height of the ends of a low table per neck
 MOSTLY = 0.5  # of the length of a profile with flanks, above which the leaf between them is the hinge
+DIGITS = 10  # of headings, rad, that are alike
 ALIKE = 1e-9  # rad, between directions that are one
 NEARLY_UPRIGHT = math.radians(80.0)  # slope at which a table ends
 
@@ -55,9 +57,15 @@ class Fit(NamedTuple):
     side: str | None = None
 
 
-def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck) -> Iterator[Fit]:
-    """Yield the fits of a hinge at a neck, the simplest shape first, each in the frame in which it fits best."""
+def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck, low: bool = False) -> Iterator[Fit]:
+    """Yield the fits of a hinge at a neck, the simplest shape first, each in the frame in which it fits best.
+
+    With `low`, only tables that end where the metal is a few times as high as the neck.
+    """
     whole, short = _strips(loops, neck)
+    if low:
+        yield from filter(None, map(_table, filter(None, map(_lowered, whole))))
+        return
     yield from _best_shapes(whole)
     evens = [strip for strip in whole if _is_even(strip)]
     flanked = [*filter(None, map(_table, evens))]
@@ -72,7 +80,10 @@ def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip]
     """Return the edges at a neck in all frames that they suggest: whole, and without flanks."""
     whole, short = list[Strip](), list[Strip]()
     roughs = _roughs(loops, neck)
+    frames = dict[float, Axis]()
     for frame in (*(one for rough in roughs for one in _suggested(loops, neck, rough)), *roughs):
+        frames.setdefault(round(frame.heading, DIGITS), frame)
+    for frame in frames.values():
         ways = ways_of(loops, neck, frame)
         strip = strip_of(ways, frame) or strip_of(ways := ways_of(loops, neck, frame, math.pi), frame)
         if strip is None:
@@ -131,6 +142,9 @@ def _lowest_arcs(edge: Sequence[Segment]) -> list[Segment]:
 
 def _best_shapes(strips: Sequence[Strip]) -> Iterator[Fit]:
     """Yield the fits of closed shapes to a strip in several frames, each shape in the best of them."""
+    exact = (fit for strip in strips for _, fit in _shapes(strip) if fit.deviation < EXACT)
+    if (first := next(exact, None)) is not None:
+        yield first
     found = dict[tuple[int, str | None], Fit]()
     for strip in strips:
         for order, fit in _shapes(strip):
@@ -286,6 +300,18 @@ def _is_even(strip: Strip) -> bool:
     corners = np.array([(edge[0].start, edge[-1].end) for edge in (strip.left, strip.right)])
     heights = corners.imag - corners.imag.mean(axis=1, keepdims=True)
     return float(np.ptp(corners.real, axis=0).max()) < CLOSE and float(np.ptp(heights, axis=0).max()) < CLOSE
+
+
+def _lowered(strip: Strip) -> Strip | None:
+    """Return the part of a strip around its neck that is low; None where there is none."""
+    x = np.linspace(strip.low, strip.high, FINE)
+    height = height_at(strip.left, x) + height_at(strip.right, x)
+    lowest = int(np.nanargmin(height))
+    high = np.flatnonzero(~(height < LOW * height[lowest]))
+    before, after = high[high < lowest], high[high > lowest]
+    low = x[before[-1]] if len(before) else strip.low
+    end = x[after[0]] if len(after) else strip.high
+    return strip._replace(low=float(low), high=float(end)) if end - low > CLOSE else None
 
 
 def _table(strip: Strip) -> Fit | None:
