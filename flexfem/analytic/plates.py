@@ -16,6 +16,7 @@ import shapely
 
 from flexfem.analytic.network import GROUND, Dynamics, InternalMotions, Network, ground_motions, solve, with_springs
 from flexfem.arrays import AnyArray, Array
+from flexfem.hinges.wide import wide_factors
 from flexfem.mechanism.bodies import inertia_of
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
 from flexfem.mechanism.outlines import area_moments, integrals, polygon_points, polyline
@@ -54,6 +55,22 @@ def beam_compliances(layout: Layout) -> Array:
     return np.array(found)
 
 
+def hinge_compliances(layout: Layout) -> Array:
+    """Return the compliances (h, 3, 3) of hinges at their centres, in three dimensions for a wide layout."""
+    plane = beam_compliances(layout)
+    return widened(layout, plane) if layout.wide else plane
+
+
+def widened(layout: Layout, plane: Array) -> Array:
+    """Return compliances (h, 3, 3) of hinges in three dimensions from those in plane stress, by `wide_factors`."""
+    factors = list[tuple[float, float, float]]()
+    for joint in layout.joints:
+        ratio = layout.material_of(joint).poissons_ratio
+        factors.append(wide_factors(joint.profile, ratio, layout.thickness))
+    roots = np.sqrt(factors)
+    return np.asarray(plane * roots[:, :, None] * roots[:, None])
+
+
 def to_axes(place: complex, heading: float) -> Array:
     """Return the matrix (3, 3) from twists at the global origin to motions of a point in axes turned by `heading`.
 
@@ -87,7 +104,7 @@ def respond(
 
     bodies : the elastic ones; others are rigid.
     hinges : (..., h, 3, 3), compliances at their centres in their axes, of several designs; by default
-        `Profile.compliance`.
+        `hinge_compliances`.
     openings : (h, 3, c), of the hinges at their centres in their axes.
 
     Raises ComputationFailed for bodies that can move without load or for far stiffer hinges than others, BadInput
@@ -103,7 +120,7 @@ def respond(
     k = len(ports)
     n = k + cases.shape[-1]
     if hinges is None:
-        hinges = beam_compliances(layout)
+        hinges = hinge_compliances(layout)
     centre = complex(np.mean([joint.place for joint in layout.joints]))  # origin of the network, against round-off
     from_axes = np.linalg.inv([to_axes(joint.place - centre, joint.heading) for joint in layout.joints])
     to_hinges = from_axes.transpose(0, 2, 1)  # of wrenches

@@ -75,7 +75,7 @@ def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
         key = (joint.profile, joint.cut, joint.material, *ends)
         if key not in found:
             found[key] = _thick_hinge(layout, mesh, number)
-        if joint.profile.even:
+        if joint.profile.even and joint.profile.symmetric:
             turned = (joint.profile, joint.cut, joint.material, *reversed(ends))
             found.setdefault(turned, found[key].turned())
         hinges.append(found[key])

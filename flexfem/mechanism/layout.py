@@ -202,6 +202,7 @@ class Layout(NamedTuple):
     points : named contacts to read, the output first.
     out_of_plane : ratio of the stress out of the plane to the sum of those in it: Poisson's ratio in plane strain.
     residual_stress : MPa, in all directions of the plane, before the plate is released from what holds its bodies.
+    wide : whether hinges are in three dimensions, between plane stress and plane strain.
     expansion : of the material, 1/K, None where it is not stated.
     Material constants are those of parts without a material of their own, see `materials`.
     """
@@ -219,6 +220,7 @@ class Layout(NamedTuple):
     out_of_plane: float = 0.0
     residual_stress: float = 0.0
     expansion: float | None = None
+    wide: bool = False
 
     @property
     def mixed(self) -> bool:

@@ -269,6 +269,7 @@ def layout_of(mechanism: Mechanism, missing: list[str] | None = None) -> Layout:
         points=tuple(points),
         actuators=tuple(actuators),
         payloads=tuple(PayloadMass(at, load.mass, load.inertia) for name, at in points if load and name == "output"),
+        wide=mechanism.model == "three_dimensional",
         **mechanism.plane_problem,
     )
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, corrected
-from flexfem.analytic.plates import respond
+from flexfem.analytic.plates import respond, widened
 from flexfem.arrays import Array
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import RESOLUTION
@@ -51,8 +51,9 @@ SHARES = (
 )
 TOTAL = "total"
 CHART, MEASURED, IN_ALL = "three-dimensional hinges", "three dimensions", "total in three dimensions"
-IN_PLANE = "total in the plane"
-MECHANISM_SHARES = ("rigid bodies", "hinge formulas", "joining of parts", IN_PLANE, MEASURED, IN_ALL)
+IN_PLANE, THICKNESS = "total in the plane", "thickness"
+PLANE_SHARES = ("rigid bodies", "hinge formulas", "joining of parts", IN_PLANE)
+MECHANISM_SHARES = ("rigid bodies", "hinge formulas", THICKNESS, "joining of parts", IN_ALL)
 POINTS = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # percentage points of a command
 
 
@@ -82,7 +83,7 @@ class Budget(Result):
 
 
 class MechanismBudget(Budget, mechanism=True):
-    """Shares of the errors of the network with rigid bodies, which add up to the totals."""
+    """Shares of the errors of the network with rigid bodies, which add up to the total."""
 
     main = ("share", {})
     labels: ClassVar = {"share": MECHANISM_SHARES}
@@ -93,8 +94,9 @@ class MechanismBudget(Budget, mechanism=True):
         plates.ALONG_READ,
         "rigid bodies: change by elastic bodies, from plane finite elements of each body",
         "hinge formulas: change from beam integrals to plane finite elements of each hinge",
-        "joining of parts: change from parts with rigid end sections to plane finite elements of the whole mechanism",
-        "three dimensions: change from plane finite elements to those of every other question without `--plane`",
+        "thickness: change from its effect by plates as high as each hinge to that by three-dimensional finite "
+        "elements of each hinge",
+        "joining of parts: change from parts with rigid end sections to finite elements of the whole mechanism",
     )
     driven = Quantity(
         "share of the error of the amplification", "percent", ("share", "actuator"), plates.POINTS,
@@ -167,10 +169,12 @@ def _of_mechanism(mechanism: Mechanism, resolution: int, progress: Progress | No
     assert mesh is not None
     layout, finest = mechanism.layout, plates.compared(mechanism, mesh, progress)
     parts = plates.parts_of(mechanism, mesh.resolution)
-    ladder = [
-        respond(layout, one.bodies, hinges=one.hinges).compliance
-        for one in (ElasticParts(), ElasticParts(parts.bodies), parts)
-    ]
+    networks = [ElasticParts(), ElasticParts(parts.bodies), parts]
+    if finest.label != ELEMENTS:
+        assert parts.hinges is not None
+        networks[2] = parts._replace(hinges=widened(layout, parts.hinges))
+        networks.append(plates.joined_parts(mechanism, True))
+    ladder = [respond(layout, one.bodies, hinges=one.hinges).compliance for one in networks]
     steps = levels(mesh.resolution)
     planes = np.array([plates.solved(mechanism, level).compliance for level in steps])
     rigid, lever = ladder[0][:3, :3], layout.lever
@@ -190,16 +194,13 @@ def _of_mechanism(mechanism: Mechanism, resolution: int, progress: Progress | No
     totals = {"share": np.diagonal(finest.percent_band(rigid, lever)), "driven": finest.driven_band(ladder[0], layout)}
     for name, error in {"share": along, "driven": driven}.items():
         if name == "share" or layout.actuators:
-            sequence = [error(one) for one in (*ladder, planes[-1])]
+            sequence = [error(one) for one in (*ladder, finest.compliance)]
             of_planes = corner_bands(np.array(steps, dtype=float), error(planes))
-            shares = [*np.diff(sequence, axis=0), sequence[-1] - sequence[0]]
-            widths = [*np.full((2, len(of_planes)), np.nan), of_planes, of_planes]
-            if finest.label != ELEMENTS:
-                total = error(finest.compliance) - sequence[0]
-                shares += [total - shares[-1], total]
-                widths += [np.maximum(totals[name] - of_planes, 0.0), totals[name]]
-            values[name], bands[name] = np.array(shares), np.array(widths)
-    labels = {"share": MECHANISM_SHARES[: len(values["share"])]}
+            unknown = np.full((len(ladder) - 1, len(of_planes)), np.nan)
+            total = of_planes if finest.label == ELEMENTS else totals[name]
+            values[name] = np.array([*np.diff(sequence, axis=0), sequence[-1] - sequence[0]])
+            bands[name] = np.array([*unknown, of_planes, total])
+    labels = {"share": PLANE_SHARES if finest.label == ELEMENTS else MECHANISM_SHARES}
     notes = plates.held_notes(finest.compliance[:3, :3], lever)
     return answer(Budget, mechanism, {}, mesh, {}, values, labels, bands, notes=notes)
 

@@ -34,6 +34,7 @@ from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import layers_of as layers_of_plate
 from flexfem.fem.thickness import FEW_LAYERS, MANY_LAYERS, ThickHinge, thick_hinges
 from flexfem.files.tables import once
+from flexfem.hinges.wide import contraction
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
@@ -82,7 +83,7 @@ PLACES = (
     "strain_y",
 )  # of highest stresses, which change from mesh to mesh
 # Possible errors of `Thickness`, measured on whole plates in three dimensions (`benchmarks/thickness.py`)
-OF_CONTRACTION = 0.25  # of the difference between ends of hinges that keep their thickness and that contract freely
+OF_CONTRACTION = 0.3  # of the difference between ends of hinges that keep their thickness and that contract freely
 OF_PLANE_STRAIN = 0.15  # of the change of bodies from plane stress to plane strain
 OF_CONSTRAINT = 0.3  # of the change of the von Mises stress of a free edge from plane stress to plane strain
 OF_THE_RATIO = 0.2  # of the change of the stress in hinges
@@ -281,8 +282,11 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
     plane = parts_of(mechanism)
     assert plane.hinges is not None
     hinges = thick_hinges(mechanism.layout, meshed(mechanism, PART_RESOLUTION))
-    change, coarser, loose = (np.array(parts) for parts in list(zip(*hinges, strict=True))[:3])
-    remaining = (change - coarser) / ((MANY_LAYERS / FEW_LAYERS) ** ORDER_OF_LAYERS - 1)
+    held, coarser, loose = (np.array(parts) for parts in list(zip(*hinges, strict=True))[:3])
+    remaining = (held - coarser) / ((MANY_LAYERS / FEW_LAYERS) ** ORDER_OF_LAYERS - 1)
+    thickness = mechanism.layout.thickness
+    shares = contraction([thickness / joint.profile.end_height for joint in mechanism.layout.joints])
+    change = held + shares[:, None, None] * (loose - held)
     materials = mechanism.layout.materials
     stiffer = tuple(
         body._replace(compliance=(1 - OF_PLANE_STRAIN * materials[body.body].poissons_ratio ** 2) * body.compliance)
@@ -292,7 +296,7 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
     best = Thickened(plane, plane._replace(hinges=plane.hinges + change), hinges)
     return (
         best,
-        best._replace(solid=plane._replace(hinges=plane.hinges + change + OF_CONTRACTION * (loose - change))),
+        best._replace(solid=plane._replace(hinges=plane.hinges + change + OF_CONTRACTION * (loose - held))),
         best._replace(solid=plane._replace(hinges=plane.hinges + change + remaining)),
         best._replace(solid=best.solid._replace(bodies=stiffer)),
         best._replace(share=1 - OF_THE_RATIO),

@@ -27,6 +27,7 @@ from flexfem.analytic.paths import (
     PathEnd,
     drive_at_stroke,
 )
+from flexfem.analytic.plates import hinge_compliances
 from flexfem.arrays import Array
 from flexfem.fem.body_stress import moving_bodies
 from flexfem.fem.nonlinear import driven, gap_of_parts, stress_in_parts
@@ -146,7 +147,7 @@ def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAns
     """
     layout = mechanism.layout
     thickness = thickness_of(mechanism) if mesh is not None else ()
-    plane = beams = DrivenPlate(layout, None if mesh is None else parts_of(mechanism).hinges)
+    plane = beams = DrivenPlate(layout, hinge_compliances(layout) if mesh is None else parts_of(mechanism).hinges)
     if thickness:
         beams = DrivenPlate(layout, thickness[0].solid.hinges, thickness[0].stress_ratios)
     last = list(found.values())[-1]

@@ -201,7 +201,7 @@ WITHOUT_PRELOAD = (
 )
 BY_HINGES = (
     f"{SOLID}: plane finite elements of the plate, and three-dimensional ones of every hinge, also in the elastic "
-    "bodies; the analytic model is in plane stress"
+    "bodies; the analytic model has hinges in three dimensions by plates of their height"
 )
 
 

@@ -12,7 +12,6 @@ from flexfem.analytic.model import analyse
 from flexfem.mechanism.stage import load_feasible
 from flexfem.page.key import errors_driven, rows_at_rest
 from flexfem.questions import budget as module
-from flexfem.questions import plates
 from flexfem.questions.budget import CHART, IN_ALL, MEASURED, SHARES, TOTAL, budget, thick_compliance
 from flexfem.results import SOLID
 from flexfem.units import DIRECTIONS
@@ -52,6 +51,11 @@ def by_hand(stage):
         patch.setattr(module, "equilibrium", bent)
         patch.setattr(module, "neck_stresses", lambda *_: SimpleNamespace(highest=np.zeros((3, 3, 3))))
         return K, limit, across, budget(stage, amplitude=amplitude, plane=True)
+
+
+OF_THE_MODEL = (
+    2.0  # percentage points: the effect of the thickness on short leaves across their axis, without that on their ends
+)
 
 
 def test_shares_are_steps_from_the_papers_model_to_the_finite_elements(by_hand, stage):
@@ -146,26 +150,24 @@ def test_stiffness_budget_and_report_state_one_error_of_a_lever_where_it_moves_a
     at_rest = flexfem.stiffness(lever, resolution=4)
     free = at_rest.values["free"]
     expected = 100 * (free[0] / free[-1] - 1)
-    assert expected[1] == pytest.approx(15.7, abs=0.5)
+    assert expected[1] == pytest.approx(19.5, abs=0.5)
     made = flexfem.budget(lever, resolution=4)
-    assert made.axes["share"][3:] == ("total in the plane", "three dimensions", "total in three dimensions")
-    assert made.values["share"][5, 1:] == pytest.approx(expected[1:], rel=SOLVED)
+    assert made.axes["share"][2:] == ("thickness", "joining of parts", "total in three dimensions")
+    assert made.values["share"][4, 1:] == pytest.approx(expected[1:], rel=SOLVED)
     relative = at_rest.bands["free"][-1] / free[-1]
-    assert made.bands["share"][5, 1:] == pytest.approx((100 + expected[1:]) * relative[1:], rel=0.1)
+    assert made.bands["share"][4, 1:] == pytest.approx((100 + expected[1:]) * relative[1:], rel=0.1)
     assert np.isnan(made.values["share"][:, 0]).all() and any(note.startswith("no error in x") for note in made.notes)
     motions = at_rest.values["amplification"][0] * [1, 1, lever.layout.lever]
     along = 100 * (motions[0] @ motions[-1] / (motions[-1] @ motions[-1]) - 1)
     assert along == pytest.approx(15.9, abs=0.5)  # the lever bends
-    assert made.values["driven"][5, 0] == pytest.approx(along, rel=SOLVED)
+    assert made.values["driven"][4, 0] == pytest.approx(along, rel=SOLVED)
     for shares in made.values["share"][:, 1:], made.values["driven"]:
-        np.testing.assert_allclose(np.sum(shares[:3], axis=0), shares[3], rtol=SOLVED)
-        np.testing.assert_allclose(shares[3] + shares[4], shares[5], rtol=SOLVED)
-    plane = 1 / np.diag(plates.solved(lever, 4).compliance)[:3]
-    assert made.values["share"][3, 1:] == pytest.approx(100 * (free[0] / plane - 1)[1:], rel=SOLVED)
+        np.testing.assert_allclose(np.sum(shares[:4], axis=0), shares[4], rtol=SOLVED)
+    assert np.all(np.abs(made.values["share"][2, 1:]) < OF_THE_MODEL)
     rows = {title: cells for title, *cells in rows_at_rest(at_rest, SOLID, "beams")}
     cells = rows["error of the stiffness, others free, by the analytic model (beams)"]
     assert cells[0] == "held" and float(cells[1].split()[0]) == pytest.approx(expected[1], abs=0.01)
     (title, text), _ = errors_driven(at_rest, "drive", "beams")
     assert title == "error of the amplification of actuator drive by the analytic model (beams)"
     assert float(text.split()[0]) == pytest.approx(along, abs=0.01)
-    assert made.answer().startswith("share of the error in the commanded direction (total in three dimensions): y 15.")
+    assert made.answer().startswith("share of the error in the commanded direction (total in three dimensions): y 19.")

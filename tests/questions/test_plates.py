@@ -133,7 +133,7 @@ def test_a_summary_has_the_key_numbers_of_a_guide_and_of_an_amplifier():
     bodies = [GUIDE["body"][0], {"name": "stage", "outline_mm": [[-20, 40], [20, 40], [20, 52], [-20, 52]]}]
     hinges = [{"name": name, "at_mm": [x, 20], **leaf} for name, x in (("a", -15), ("b", 15))]
     content = GUIDE | {"body": bodies, "hinge": hinges, "output": {"body": "stage", "at_mm": [0, 46]}}
-    found = flexfem.summary(Mechanism.model_validate(content), models="analytic")
+    found = flexfem.summary(Mechanism.model_validate(content), models="analytic", plane=True)
     stiffness, mass = 2 * 72e3 * 10 * 0.4**3 / 40**3, 2.81e-9 * 10 * (40 * 12 + 2 * 40 * 0.4 * 13 / 35)
     assert found.at("free", direction="x")[0] == pytest.approx(stiffness, rel=2e-3)
     assert found.frequency[0] == pytest.approx(np.sqrt(stiffness / mass) / (2 * np.pi), rel=2e-3)
