@@ -24,10 +24,10 @@ from flexfem.analytic.finite import (
     Beams,
     BeamState,
     FinitePlate,
-    FiniteResponse,
     divided_profile,
 )
 from flexfem.arrays import Array
+from flexfem.mechanism.curves import CurvePoint, Line
 from flexfem.mechanism.layout import Layout, Port
 from flexfem.mechanism.profiles import Profile
 from flexfem.refused import ComputationFailed
@@ -173,12 +173,11 @@ class DrivenPlate(FinitePlate):
             step, more = self._step(at, at.P[:, held], targets - at.motions[held])
             if not np.isfinite(step).all():
                 return None
-            angle = np.abs(step[2::3]).max()
-            shift = np.abs(step.reshape(-1, 3)[:, :2]).max() / self.extent
-            share = min(1.0, LARGEST / max(angle, shift, CLOSE))
+            size = self._size(step)
+            share = min(1.0, LARGEST / max(size, CLOSE))
             q = q + share * step
             f[held] += share * more
-            if max(angle, shift) < CLOSE:
+            if size < CLOSE:
                 return self.described(q, f, held)
         return None
 
@@ -198,14 +197,63 @@ class DrivenPlate(FinitePlate):
             stress = stress * self.stress_ratios(_at_centre(wrenches))
         return PathPoint(q, f, at.motions, stress, softest)
 
+    def curve_point(self, q: Array, f: Array) -> CurvePoint:
+        """Return the equilibrium at unknowns q (size,) under dead loads (k,)."""
+        at = self.state(q, f)
+        compliance = at.P.T @ np.linalg.solve(at.K, at.P)
+        return CurvePoint(at.motions, f, compliance, self._negative_pivots(at.K), np.nan, q)
+
+    def on_line(self, near: CurvePoint, port: int, line: Line) -> CurvePoint | None:
+        """Return the equilibrium under a load on a port at which its motion u and the load f are on a line.
+
+        near : an equilibrium to start from.   line : a, b and c of `a u + b f = c`.
+        """
+        q = near.state
+        f = near.loads.copy()
+        a, b, c = line
+        for _ in range(ITERATIONS):
+            at = self.state(q, f)
+            goal = c - a * at.motions[port] - b * f[port]
+            step, more = self._step(at, at.P[:, [port]], np.array([goal]), (a, b))
+            if not (np.isfinite(step).all() and np.isfinite(more).all()):
+                return None
+            size = self._size(step)
+            share = min(1.0, LARGEST / max(size, CLOSE))
+            q = q + share * step
+            f[port] += share * more[0]
+            if size < CLOSE:
+                return self.curve_point(q, f)
+        return None
+
+    def _size(self, step: Array) -> float:
+        """Return the largest rotation, rad, or displacement per size of the mechanism, of a change (size,)."""
+        shift = np.abs(step.reshape(-1, 3)[:, :2]).max() / self.extent
+        return max(float(np.abs(step[2::3]).max()), float(shift))
+
+    def _negative_pivots(self, K: Array) -> int:
+        """Return the number of negative eigenvalues of a tangent, with the nodes inside hinges eliminated first."""
+        inner, joined = self._by_hinges(K)
+        inside = np.einsum("hia,hib->ab", joined, np.linalg.solve(inner, joined), optimize=True)
+        reduced = K[: self.rigid, : self.rigid] - inside
+        return int(np.sum(np.linalg.eigvalsh(inner) < 0) + np.sum(np.linalg.eigvalsh(reduced) < 0))
+
     def _by_hinges(self, K: Array) -> tuple[Array, Array]:
         """Tangent (h, i, i) of the nodes inside every hinge, and its columns (h, i, r) for the bodies."""
         n, each = self.rigid, np.arange(self.hinges)
         inner = K[n:, n:].reshape(self.hinges, 3 * (BEAMS - 1), self.hinges, -1)
         return inner[each, :, each], K[n:, :n].reshape(self.hinges, -1, n)
 
-    def _step(self, at: BeamState, loads: Array, motion: Array) -> tuple[Array, Array]:
-        """Return the change (size,) of the unknowns that moves ports by (p,), and that of the forces (p,) on them."""
+    def _step(
+        self,
+        at: BeamState,
+        loads: Array,
+        motion: Array,
+        weights: tuple[float, float] = (1.0, 0.0),
+    ) -> tuple[Array, Array]:
+        """Return the changes of the unknowns (size,) and of the forces (p,) on ports by which a sum changes by (p,).
+
+        The sum is that of the motions and the forces of the ports with two weights: by default the motions alone.
+        """
         n, p = self.rigid, len(motion)
         inner, joined = self._by_hinges(at.K)
         left = at.left[n:].reshape(self.hinges, -1, 1)
@@ -214,7 +262,8 @@ class DrivenPlate(FinitePlate):
         bordered = np.zeros((n + p, n + p))
         bordered[:n, :n] = at.K[:n, :n] - onto[:, :n]
         bordered[:n, n:] = -loads[:n]
-        bordered[n:, :n] = loads[:n].T
+        bordered[n:, :n] = weights[0] * loads[:n].T
+        bordered[n:, n:] = weights[1] * np.eye(p)
         found = np.linalg.solve(bordered, np.concatenate([at.left[:n] - onto[:, n], motion]))
         inside = solved[:, :, n] - solved[:, :, :n] @ found[:n]
         return np.concatenate([found[:n], inside.ravel()]), found[n:]
@@ -358,23 +407,6 @@ def drive_at_stroke(layout: Layout, motions: Array) -> str:
     """Return the name of the actuator that is nearest to its stroke, at motions (k,) of the ports."""
     shares = [motions[port] / each.stroke for port, each in zip(layout.drive_ports, layout.actuators, strict=True)]
     return repr(layout.actuators[int(np.argmax(shares))].name)
-
-
-def driven_along(layout: Layout, port: int, motions: Array) -> FiniteResponse:
-    """Return the equilibria with a port driven to motions (s,), mm or rad, of growing size; the others are free.
-
-    Raises ComputationFailed where there is no equilibrium near the one before.
-    """
-    plate, found = DrivenPlate(layout), list[tuple[Array, Array, bool, Array]]()
-    for x in motions:
-        reached = plate.reached(port, [], float(x))
-        if reached is None:
-            label = layout.ports[port].label
-            raise ComputationFailed(f"no equilibrium with {label} driven to {x:.4g} {'rad' if port == 2 else 'mm'}")
-        at = plate.state(reached.unknowns, reached.forces)
-        compliance = at.P.T @ np.linalg.solve(at.K, at.P)
-        found.append((reached.motions, compliance, reached.softest > 0, reached.forces))
-    return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))
 
 
 def _at_centre(wrenches: Array) -> Array:

@@ -304,8 +304,12 @@ def _by_solves(lower: sp.csr_array, boundary: int) -> Condensed:
 
 
 class Factoriser:
-    """Factorise matrices, definite or not; successive matrices of one pattern share an elimination order (CHOLMOD)."""
+    """Factorise matrices, definite or not; successive matrices of one pattern share an elimination order (CHOLMOD).
 
+    Indefinite ones are factorised as `L D L'`, without exchange of rows.
+    """
+
+    negative: int = 0  # number of negative pivots of the last matrix, which is that of its negative eigenvalues
     _pattern: tuple[Index, Index] | None = None
     _matrix: Any
     _symbolic: Any
@@ -319,11 +323,15 @@ class Factoriser:
 
         if find_spec("cvxopt") is not None:
             with suppress(ComputationFailed):  # indefinite
-                return self._by_cholmod(lower)
+                solve = self._by_cholmod(lower)
+                self.negative = 0
+                return solve
+        options = {"SymmetricMode": True}
         try:
-            factor = splu(_symmetric(lower))
+            factor = splu(_symmetric(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         except RuntimeError:
             raise ComputationFailed(UNSTABLE) from None
+        self.negative = int(np.sum(factor.U.diagonal() < 0))
         return lambda b: np.asarray(factor.solve(b))
 
     def _by_cholmod(self, lower: sp.csr_array) -> Solve:

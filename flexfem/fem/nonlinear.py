@@ -20,6 +20,7 @@ from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
 from flexfem.fem.structure import Structure, structure
+from flexfem.mechanism.curves import CurvePoint, Line
 from flexfem.refused import ComputationFailed
 
 ITERATIONS = 25  # of one load step
@@ -30,6 +31,7 @@ SMALLEST = 1 / 1024  # load step, as a share of the way from one load to the nex
 LARGEST_CHANGE = 1.0  # of a displacement gradient, about rad, in one iteration; above it the load step is halved
 LARGEST_STRAIN = 0.3  # St. Venant-Kirchhoff material loses its stiffness under compression at 1/3
 CONVERGED = 1e-11  # root of the predicted energy of the next Newton step over the stored energy
+EXACTLY = 1e-12  # relative: smaller eigenvalues of a matrix are zero
 ROUNDING = 1e-6  # same for the last step, when steps no longer decrease: necks of a um and less
 
 
@@ -146,8 +148,12 @@ class Contacts(NamedTuple):
         at = (4 * np.arange(len(arm))[:, None] + [2, 3]).ravel()
         return self.gather[at].T.toarray(), block_diag(*H)
 
-    def softened(self, solve: Solve, unknowns: Array, load: Array) -> Solve:
-        """Solver of a tangent less the derivative of the loads (k,) by the unknowns, a matrix of rank 2 c."""
+    def softened(self, solve: Solve, unknowns: Array, load: Array) -> tuple[Solve, int]:
+        """Solver of a tangent less the derivative of the loads (k,) by the unknowns, a matrix of rank 2 c.
+
+        And the number of negative pivots that this adds: by Haynsworth's sum of the inertias of the tangent bordered
+        by Y, with the inverse of -H.
+        """
         Y, whole = self.change_of_loads(unknowns, load)
         soft = solve(Y)
         inner = np.eye(len(whole)) - whole @ (Y.T @ soft)
@@ -156,7 +162,12 @@ class Contacts(NamedTuple):
             x = solve(b)
             return x + soft @ np.linalg.solve(inner, whole @ (Y.T @ x))
 
-        return solved
+        values, vectors = np.linalg.eigh(whole)
+        used = np.abs(values) > EXACTLY * np.abs(values).max(initial=0.0)
+        within = vectors[:, used]
+        rest = np.diag(1 / values[used]) - within.T @ (Y.T @ soft) @ within
+        more = np.sum(np.linalg.eigvalsh(rest) < 0) - np.sum(values[used] < 0)
+        return solved, int(more)
 
 
 def contacts(model: PlateModel) -> Contacts:
@@ -199,6 +210,7 @@ class LargeStructure:
         self.initial = np.zeros((2, 2, 1))
         if residual:  # of a plate of one material
             self.initial = residual * (1 - plate.poissons_ratio) / plate.youngs_modulus * np.eye(2)[:, :, None]
+        self.negative = 0  # number of negative pivots of the last derivative that was inverted
 
     def motions(self, state: State) -> Array:
         """Displacements and rotations (k,) where loads act, mm and rad: the pose of the hub or those of the ports."""
@@ -212,7 +224,12 @@ class LargeStructure:
     def solver(self, state: State, load: Array) -> Solve:
         """Inverse of the derivative of internal forces less loads (k,)."""
         solve = self.factorise(self.tangent(state))
-        return self.contacts.softened(solve, self._unknowns(state), load) if self.contacts else solve
+        self.negative = self.factorise.negative
+        if self.contacts is None:
+            return solve
+        solve, more = self.contacts.softened(solve, self._unknowns(state), load)
+        self.negative += more
+        return solve
 
     def _unknowns(self, state: State) -> Array:
         return state.field[self.structure.free].ravel()
@@ -357,6 +374,47 @@ def tangent_at(model: PlateModel, load: Array) -> PlateTangent:
     return PlateTangent(step.compliance, step.solve, step.state.field, large.internal(step.state).strain)
 
 
+class PulledElements:
+    """Finite elements of a plane plate under a load on one port, at points of a curve."""
+
+    def __init__(self, model: PlateModel, port: int) -> None:
+        self.port = port
+        self.large = LargeStructure(model.structure, contacts(model))
+
+    def rest(self) -> CurvePoint:
+        """Return the equilibrium at rest."""
+        large = self.large
+        state = large.at(np.zeros(3), np.zeros_like(large.structure.mesh.nodes))
+        loads = large.loads(state)
+        compliance = loads.T @ large.solver(state, state.load)(loads)
+        return CurvePoint(large.motions(state), state.load, compliance, 0, 0.0, state)
+
+    def on_line(self, near: CurvePoint, line: Line) -> CurvePoint | None:
+        """Return the equilibrium at which the motion u of the port and the load f on it are on a line.
+
+        near : an equilibrium to start from.   line : a, b and c of `a u + b f = c`.
+        None without one near, and where the strain is too large for the material law.
+        """
+        a, b, c = line
+        large = self.large
+        try:
+            step, _ = _newton(large, near.state, np.array([c]), [self.port], 0.0, (a, b))
+        except (ComputationFailed, np.linalg.LinAlgError):
+            return None
+        if step is None:
+            return None
+        state = step.state
+        internal = large.internal(state)
+        if internal.strain > LARGEST_STRAIN:
+            return None
+        loads = large.loads(state)
+        moved = loads.T[self.port] @ step.solve((loads @ state.load - internal.forces)[:, None])[:, 0]
+        load = state.load.copy()
+        load[self.port] -= a * moved / (a * step.compliance[self.port, self.port] + b)
+        state = state._replace(load=load)
+        return CurvePoint(large.motions(state), load, step.compliance, large.negative, internal.strain, state)
+
+
 def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
     """Return the highest von Mises stress of hinges (h,) and moving bodies (b,), MPa, for displacements (n, 2), mm.
 
@@ -440,12 +498,20 @@ def _advance(
 
 
 def _newton(
-    model: LargeStructure, state: State, goal: Array, held: Sequence[int], scale: float
+    model: LargeStructure,
+    state: State,
+    goal: Array,
+    held: Sequence[int],
+    scale: float,
+    weights: tuple[float, float] = (1.0, 0.0),
 ) -> tuple[_Step | None, int]:
-    """Return the step to equilibrium at `goal`, or None; its size is relative to an energy of at least `scale`."""
+    """Return the step to equilibrium at `goal`, or None; its size is relative to an energy of at least `scale`.
+
+    weights : of the motions and of the loads of the held ports, whose weighted sums are the goal.
+    """
     last, smallest, smallest_at = 1.0, np.inf, 0
     for iteration in range(1, ITERATIONS + 1):
-        step = _step(model, state, goal, held)
+        step = _step(model, state, goal, held, weights)
         if step.size < smallest:
             smallest = step.size
             smallest_at = iteration
@@ -459,8 +525,14 @@ def _newton(
     return None, ITERATIONS
 
 
-def _step(model: LargeStructure, state: State, goal: Array, held: Sequence[int]) -> _Step:
-    """Take a Newton step towards a load or motions of held ports; the load that holds them is solved for."""
+def _step(
+    model: LargeStructure,
+    state: State,
+    goal: Array,
+    held: Sequence[int],
+    weights: tuple[float, float] = (1.0, 0.0),
+) -> _Step:
+    """Take a Newton step towards a load, or weighted sums of motions and loads of held ports, whose load is found."""
     structure, internal = model.structure, model.internal(state)
     load = state.load if held else goal
     loads, solve = model.loads(state), model.solver(state, load)
@@ -469,9 +541,10 @@ def _step(model: LargeStructure, state: State, goal: Array, held: Sequence[int])
     change, unit = solution[:, 0], solution[:, 1:]
     if held:
         ports = list(held)
-        remaining = goal - model.motions(state)[ports] - loads.T[ports] @ change
+        remaining = goal - weights[0] * (model.motions(state)[ports] + loads.T[ports] @ change)
         load = np.zeros_like(load)
-        load[ports] = np.linalg.solve(loads.T[ports] @ unit[:, ports], remaining)
+        onto = weights[0] * loads.T[ports] @ unit[:, ports] + weights[1] * np.eye(len(ports))
+        load[ports] = np.linalg.solve(onto, remaining)
     change = change + unit @ load
     residual = residual + loads @ load
     linear = np.zeros_like(state.field)

@@ -4,11 +4,13 @@ The load that holds the platform at a pose is computed by integrating the stiffn
 the path, without and with its second-order terms, by exact equilibrium of the pseudo-rigid stage, and by nonlinear
 finite elements. Each is compared with its own linear solution, so that the error of the hinge formulas cancels.
 
-A mechanism is under growing dead loads, with finite rotations: analytic network and plane finite elements.
+A mechanism is driven along one direction, or is under growing dead loads, with finite rotations: beams and plane finite
+elements. Driven, the whole curve of force against displacement is followed, also where it is not stable.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, ClassVar, Literal
 
@@ -19,23 +21,23 @@ from flexfem.analytic.finite import displaced
 from flexfem.analytic.large import at_pose, axis_poses, linear_errors, outwards, summed_loads
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
-from flexfem.analytic.paths import driven_along
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.nonlinear import Equilibria, driven, equilibria, equilibrium, imposed
+from flexfem.fem.nonlinear import equilibria, equilibrium, imposed
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, levels, percentages
+from flexfem.questions.curve import NUMBERS, Traced, by_beams, by_elements, numbers_of
 from flexfem.questions.plates import ON_MESHES, PEAK, model_of
 from flexfem.questions.plates import solved as solved_plate
 from flexfem.questions.setup import Mesh, about, answer, for_mechanisms, mesh_of, meshed, on_meshes, solved
 from flexfem.refused import BadInput
 from flexfem.results import SOLVED, Gate, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, PLANES, UNITS, in_unit
+from flexfem.units import DIRECTIONS, PLANES, UNITS, Direction, in_unit
 
 AMPLITUDE = 0.5  # mm: ten times the workspace that examples/claims.py assumes
 ROTATION = 0.02  # rad of rotation per mm of translation: 10 mrad with 500 um
@@ -48,6 +50,7 @@ SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
 AMPLITUDES = (1e-9, 1e3)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
 WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
 THEORIES = ("(16) without second-order terms", "(16)", "exact", "finite elements", "finite elements, same load")
+UNSTABLE = "an equilibrium is not stable under dead loads"
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the load on a mechanism
 LINEAR, BEAMS, ELEMENTS = "linear", "beams", "finite elements"  # theories of a mechanism
 PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points by which finite elements change with their mesh
@@ -111,13 +114,39 @@ class MechanismLarge(Result):
         "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), ON_MESHES
     )
     strain = Quantity("largest strain of finite elements", "", ("load",), PEAK, "all", shown=False)
+    event_pose = Quantity(
+        "displacement of the output at points of the curve", "motion", ("event", "theory", "direction"), ON_MESHES,
+        "pose",
+        note="limits of the force and of the displacement along the curve, positions without force, and buckling of "
+        "what is not driven",
+    )  # fmt: skip
+    event_force = Quantity(
+        "force that drives the output at points of the curve", "wrench", ("event", "theory", "direction"), ON_MESHES,
+        "wrench",
+    )  # fmt: skip
+    event_pivots = Quantity(
+        "negative pivots of the tangent stiffness at points of the curve", "", ("event", "theory"), shown=False
+    )
+    curve_pose = Quantity(
+        "displacement of the output along the curve", "motion", ("step", "theory", "direction"), ON_MESHES, "pose",
+        shown=False,
+    )  # fmt: skip
+    curve_force = Quantity(
+        "force that drives the output along the curve", "wrench", ("step", "theory", "direction"), ON_MESHES, "wrench",
+        shown=False,
+    )  # fmt: skip
+    curve_pivots = Quantity(
+        "negative pivots of the tangent stiffness along the curve", "", ("step", "theory"), shown=False,
+        note="under the dead load: zero where the equilibrium is stable",
+    )  # fmt: skip
 
 
-@for_mechanisms(Large, MechanismLarge, only_for="force")
+@for_mechanisms(Large, MechanismLarge, only_for="force along")
 def large(
     stage: Stage | Mechanism,
     *,
     amplitude: float | str = AMPLITUDE,
+    along: Direction | None = None,
     force: tuple[float, float, float] | None = None,
     models: Literal["both", "analytic"] = "both",
     resolution: int | None = None,
@@ -129,7 +158,9 @@ def large(
     ----------
     amplitude : float or str
         Largest displacement in X and Y, mm; in theta 0.02 rad for every mm. The output of a mechanism is driven by it
-        along its softest translation, or turned by an angle with its unit, such as "5deg".
+        along its softest translation, or turned by an angle with its unit, such as "5deg"; against it if negative.
+    along : {"x", "y", "theta"}, optional
+        Direction along which the output of a mechanism is driven, the others free; by default its softest translation.
     force : tuple of float, optional
         Largest load on the output of a mechanism, N and N mm, instead of the amplitude.
     models : {"both", "analytic"}
@@ -147,7 +178,7 @@ def large(
     """
     mesh = mesh_of(stage, models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION)
     if isinstance(stage, Mechanism):
-        return _of_mechanism(stage, force, amplitude, mesh, progress)
+        return _of_mechanism(stage, force, amplitude, along, mesh, progress)
     if isinstance(amplitude, str):
         amplitude = _length(amplitude)
     largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, ROTATION])
@@ -186,78 +217,195 @@ def _of_mechanism(
     mechanism: Mechanism,
     force: tuple[float, float, float] | None,
     amplitude: float | str,
+    along: Direction | None,
     mesh: Mesh | None,
     progress: Progress | None,
 ) -> MechanismLarge:
-    """Return the displacements under a load, or driven by an amplitude along the softest translation or about theta."""
-    layout = mechanism.layout
-    if layout.joints:
-        C = respond(layout).compliance
-    else:
-        assert mesh is not None
-        C = solved_plate(mechanism, mesh.resolution).compliance
-    shares = np.array(SHARES)
-    port, loads = 0, np.zeros((len(SHARES), len(C)))
+    """Return the displacements under a load, or the curve of a driven output. Raises BadInput."""
     if force is None:
-        port, size = _commanded(amplitude, C)
-        motions = size * shares
-        loads[:, port] = motions / C[port, port]
-    else:
-        loads[:, :3] = np.outer(shares, arguments.forces("force", force, 1))
-    poses, drives = [loads @ C[:, :3]], [loads[:, :3]]
+        return _driven(mechanism, amplitude, along, mesh, progress)
+    if along is not None:
+        raise BadInput("along and force, expected one of the two")
+    return _loaded(mechanism, force, mesh, progress)
+
+
+def _at_rest(mechanism: Mechanism, mesh: Mesh | None) -> Array:
+    """Return the compliance (k, k) at rest by the analytic network, or by finite elements of a plate without hinges."""
+    if mechanism.layout.joints:
+        return respond(mechanism.layout).compliance
+    assert mesh is not None
+    return solved_plate(mechanism, mesh.resolution).compliance
+
+
+def _loaded(
+    mechanism: Mechanism, force: tuple[float, float, float], mesh: Mesh | None, progress: Progress | None
+) -> MechanismLarge:
+    """Return the displacements under a growing dead load."""
+    layout = mechanism.layout
+    C = _at_rest(mechanism, mesh)
+    loads = np.zeros((len(SHARES), len(C)))
+    loads[:, :3] = np.outer(SHARES, arguments.forces("force", force, 1))
+    poses = [loads @ C[:, :3]]
     tangents: list[Array] = [np.broadcast_to(C, (len(loads), *C.shape))]
     stable, theories = True, [LINEAR]
     if layout.joints:
-        found = displaced(layout, loads) if force is not None else driven_along(layout, port, motions)
+        found = displaced(layout, loads)
         poses.append(found.motions[:, :3])
-        drives.append(found.loads[:, :3])
         tangents.append(found.compliance)
         stable = bool(np.all(found.stable))
         theories.append(BEAMS)
     values, bands = dict[str, Any](), dict[str, Array]()
     if mesh is not None:
         steps = levels(mesh.resolution)
-
-        def of_level(level: int) -> Equilibria:
-            model = model_of(mechanism, level)
-            return equilibria(model, loads) if force is not None else driven(model, [port], motions[:, None])
-
-        each = on_meshes(steps, of_level, progress)
+        each = on_meshes(steps, lambda level: equilibria(model_of(mechanism, level), loads), progress)
         poses.append(each[-1].pose[:, :3])
-        drives.append(each[-1].load[:, :3])
         tangents.append(each[-1].compliance)
         values["strain"] = each[-1].strain
         theories.append(ELEMENTS)
         sizes = np.array(steps, dtype=float)
         alike = {"pose": [one.pose[:, :3] for one in each], "stiffness": [_along(one.compliance) for one in each]}
-        if force is None:
-            alike["driving"] = [one.load[:, :3] for one in each]
         for name, parts in alike.items():
             bands[name] = np.full((len(SHARES), len(theories), 3), np.nan)
             bands[name][:, -1] = corner_bands(sizes, np.array(parts))
-    if force is None:
-        values["driving"] = np.stack(drives, axis=1)
-    else:
-        values["force"] = loads[:, :3]
+    values["force"] = loads[:, :3]
     values |= {"pose": np.stack(poses, axis=1), "stiffness": np.stack([_along(one) for one in tangents], axis=1)}
     ends = np.linalg.eigvalsh(tangents[-1])
     stable = stable and bool(np.all(ends[:, 0] > -ROUND_OFF * ends[:, -1]))
-    warnings = [] if stable else ["an equilibrium is not stable under dead loads"]
+    warnings = [] if stable else [UNSTABLE]
     labels = {"theory": theories}
     return answer(MechanismLarge, mechanism, {}, mesh, {}, values, labels, bands, warnings=warnings)
 
 
-def _commanded(amplitude: float | str, compliance: Array) -> tuple[int, float]:
+def _driven(
+    mechanism: Mechanism,
+    amplitude: float | str,
+    along: Direction | None,
+    mesh: Mesh | None,
+    progress: Progress | None,
+) -> MechanismLarge:
+    """Return the curve of the force that drives the output along one direction, the others free."""
+    C = _at_rest(mechanism, mesh)
+    port, size = _commanded(amplitude, along, C)
+    motions = size * np.array(SHARES)
+    traced = dict[str, Traced]()
+    if mechanism.layout.joints:
+        traced[BEAMS] = by_beams(mechanism.layout, port, motions)
+    if mesh is not None:
+        traced[ELEMENTS] = by_elements(mechanism, mesh, port, motions, progress)
+    values, bands, labels = _of_curves(traced, C, port, motions)
+    return answer(
+        MechanismLarge,
+        mechanism,
+        {},
+        mesh,
+        {},
+        values,
+        labels,
+        bands,
+        warnings=_warned(traced, port, size),
+    )
+
+
+def _of_curves(
+    traced: Mapping[str, Traced], compliance: Array, port: int, motions: Array
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, list[str]]]:
+    """Return the values, bands and labels of curves along a port, nan beyond the end of a curve."""
+    theories = [LINEAR, *traced]
+    events = list(dict.fromkeys(label for one in traced.values() for label in one.events))
+    steps = max(len(one.curve.points) for one in traced.values())
+    at = {
+        "share": np.full((len(SHARES), len(theories), NUMBERS), np.nan),
+        "event": np.full((len(events), len(theories), NUMBERS), np.nan),
+        "curve": np.full((steps, len(theories), NUMBERS), np.nan),
+    }
+    widths = {name: np.full_like(array, np.nan) for name, array in at.items()}
+    pivots = {name: np.full(at[name].shape[:2], np.nan) for name in ("event", "curve")}
+    strain = np.full(len(SHARES), np.nan)
+    forces = motions / compliance[port, port]
+    pushed = np.zeros((len(motions), 3))
+    pushed[:, port] = forces
+    at["share"][:, 0, :3] = pushed @ compliance[:3, :3]
+    at["share"][:, 0, 3:6] = pushed
+    at["share"][:, 0, 6:] = 1 / np.diag(compliance)[:3]
+    for theory, (label, one) in enumerate(traced.items(), start=1):
+        for number, point in enumerate(one.shares):
+            at["share"][number, theory] = numbers_of(point)
+            if label == ELEMENTS:
+                strain[number] = point.strain
+        widths["share"][: len(one.shares), theory] = one.share_bands
+        for number, point in enumerate(one.curve.points):
+            at["curve"][number, theory] = numbers_of(point)
+            pivots["curve"][number, theory] = point.unstable
+        for name, point in one.events.items():
+            at["event"][events.index(name), theory] = numbers_of(point)
+            pivots["event"][events.index(name), theory] = point.unstable
+        for name, band in one.event_bands.items():
+            widths["event"][events.index(name), theory] = band
+    values = _named(at) | {f"{name}_pivots": array for name, array in pivots.items()}
+    if ELEMENTS in traced:
+        values["strain"] = strain
+    if not events:
+        values = {name: array for name, array in values.items() if not name.startswith("event")}
+    bands = {name: array for name, array in _named(widths).items() if name in values}
+    return values, bands, {"theory": theories, "event": events, "step": [str(k) for k in range(steps)]}
+
+
+def _named(arrays: Mapping[str, Array]) -> dict[str, Array]:
+    """Return arrays of `numbers_of` points by the names of their quantities."""
+    pose, driving, stiffness = slice(0, 3), slice(3, 6), slice(6, 9)
+    return {
+        "pose": arrays["share"][..., pose],
+        "driving": arrays["share"][..., driving],
+        "stiffness": arrays["share"][..., stiffness],
+        "event_pose": arrays["event"][..., pose],
+        "event_force": arrays["event"][..., driving],
+        "curve_pose": arrays["curve"][..., pose],
+        "curve_force": arrays["curve"][..., driving],
+    }
+
+
+def _warned(traced: Mapping[str, Traced], port: int, size: float) -> list[str]:
+    """Warn of unstable equilibria, of curves that end early, and of events that one theory alone has."""
+    unit = "rad" if port == 2 else "mm"
+    found = list[str]()
+    for label, one in traced.items():
+        points = one.curve.points
+        unstable = [point.motions[port] for point in points if point.unstable]
+        if unstable:
+            between = f"from {unstable[0]:.4g} to {unstable[-1]:.4g} {unit}"
+            found.append(f"{label}: {between} equilibria are not stable under the dead load: the mechanism snaps")
+        if any(name.startswith("buckling") for name in one.events):
+            found.append(f"{label}: beyond buckling the curve is that without it, and not stable")
+        if not one.curve.complete:
+            reason = "no equilibrium is found beyond it"
+            if label == ELEMENTS:
+                reason += f", or the largest strain, {points[-1].strain:.2g} there, exceeds that of the material law"
+            found.append(f"{label}: the curve ends at {points[-1].motions[port]:.4g} of {size:.4g} {unit}: {reason}")
+    if len(traced) == 2:
+        beams, elements = (set(one.events) for one in traced.values())
+        if apart := sorted(beams ^ elements):
+            found.append(f"beams and finite elements do not both find: {', '.join(apart)}")
+    return found
+
+
+def _commanded(amplitude: float | str, along: Direction | None, compliance: Array) -> tuple[int, float]:
     """Return the port and the displacement, mm or rad, of an amplitude: an angle, or a length of the softest port."""
     if isinstance(amplitude, str) and not _is_length(amplitude):
+        if along not in (None, "theta"):
+            raise BadInput(f"amplitude {amplitude!r} along {along}, expected a length with its unit, such as 3mm")
         try:
             angle = in_unit(amplitude, UNITS["rad"])
         except ValueError:
             expected = "expected a length or an angle with its unit, such as 3mm or 5deg"
             raise BadInput(f"amplitude {amplitude!r}, {expected}") from None
-        return 2, arguments.between("amplitude", angle, 1e-9, 10.0, " rad")
+        arguments.between("amplitude", abs(angle), 1e-9, 10.0, " rad")
+        return 2, angle
+    if along == "theta":
+        raise BadInput(f"amplitude {amplitude!r} along theta, expected an angle with its unit, such as 5deg")
     size = _length(amplitude) if isinstance(amplitude, str) else amplitude
-    return int(np.argmax(np.diag(compliance)[:2])), arguments.between("amplitude", size, 1e-6, 1e4, " mm")
+    arguments.between("amplitude", abs(size) if isinstance(size, int | float) else size, 1e-6, 1e4, " mm")
+    softest = int(np.argmax(np.diag(compliance)[:2]))
+    return softest if along is None else DIRECTIONS.index(along), float(size)
 
 
 def _is_length(text: str) -> bool:
