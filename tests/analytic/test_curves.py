@@ -9,16 +9,12 @@ from scipy.optimize import fsolve
 
 import flexfem
 from flexfem.analytic.paths import DrivenPlate
-from flexfem.fem.nonlinear import driven
 from flexfem.mechanism.curves import BIFURCATION, FURTHEST, HIGHEST, WITHOUT_FORCE, CurvePoint, Followed
 from flexfem.questions.curve import by_beams
-from flexfem.questions.large import BEAMS, ELEMENTS
-from flexfem.questions.plates import model_of
 
 LOCATED = 1e-5  # relative: events are located to 1e-6 of the slope
 ELASTICA = 2e-3  # relative to the highest force: a leaf is divided into eight beams
 STRETCHED = 0.015  # relative: beyond the second position leaves are pulled, and bend in short layers at their ends
-ROOTS = 0.1  # relative: elastic roots lengthen leaves of 0.8 mm by about 2 %, and the snap is of third order
 HALVED = 0.01  # relative: a branch is found by halving a step seven times
 
 HALF_SPAN, HEIGHT, BAR = 30.0, 9.0, 800.0  # mm, mm and N/mm, of one bar of the truss
@@ -159,27 +155,6 @@ def test_inclined_leaves_snap_at_the_force_of_the_elastica_and_follow_it_to_the_
     steps = np.linspace(0.0, shares[-1, 0], 41)
     forces = elastica_forces(steps[1:])[[9, 19, 29, 39]]
     np.testing.assert_allclose(shares[:, 1], forces, rtol=STRETCHED, atol=ELASTICA * at)
-
-
-@pytest.mark.slow
-def test_finite_elements_snap_as_beams_and_their_bands_hold_a_finer_mesh_with_prescribed_displacement():
-    """Elastic roots in the shuttle make the leaves softer than those of the beams."""
-    mechanism = bistable()
-    found = flexfem.large(mechanism, amplitude=-2.05 * RISE)
-    snap = {"event": "limit of the force 1", "direction": "y"}
-    rest = {"event": "stable position without force 1", "direction": "y"}
-    for name, event in (("event_pose", snap), ("event_force", snap), ("event_pose", rest)):
-        value = float(found.at(name, theory=ELEMENTS, **event))
-        assert value == pytest.approx(float(found.at(name, theory=BEAMS, **event)), rel=ROOTS)
-    places = [float(found.at("event_pose", theory=ELEMENTS, **event)) for event in (snap, rest)]
-    way = [0.5 * places[0], *np.linspace(places[0], places[1], 7)]
-    finer = driven(model_of(mechanism, 6), [1], np.array(way)[:, None])
-    assert abs(finer.load[1, 1] - found.at("event_force", theory=ELEMENTS, **snap)) < found.band(
-        "event_force", theory=ELEMENTS, **snap
-    )
-    softened = finer.load[-1, 1] * finer.compliance[-1, 1, 1]  # distance of its position without force
-    assert abs(softened) < found.band("event_pose", theory=ELEMENTS, **rest)
-    assert np.nanmax(found.curve_pivots[:, found.axes["theory"].index(ELEMENTS)]) == 1
 
 
 def test_a_pushed_leaf_branches_at_eulers_load_where_its_end_sways():
