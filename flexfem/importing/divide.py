@@ -10,7 +10,7 @@ import shapely
 
 from flexfem.importing.found import FoundBody
 from flexfem.importing.necks import Neck
-from flexfem.importing.shapes import Fit, corners_of
+from flexfem.importing.shapes import ALLOWED, Fit, corners_of
 from flexfem.importing.strips import joined, part
 from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points
 
@@ -87,14 +87,21 @@ class Edges:
 
 
 def cut_of(edges: Edges, neck: Neck, fit: Fit) -> Cut | None:
-    """Return the hinge with the parts of the edge that it takes, None where its corners are not on the edge."""
+    """Return the hinge with the parts of the edge that it takes, None where they do not enclose it."""
     first, second, third, fourth = map(fit.frame.out, corners_of(fit.profile))
     corners = (first, second, third, fourth)
     on = [edges.position(place.loop, z) for place, z in zip((neck.right,) * 2 + (neck.left,) * 2, corners, strict=True)]
     if max(distance for _, distance in on) > TOUCHING:
         return None
     positions = [position for position, _ in on]
-    return Cut(neck, fit, Stretch(neck.right.loop, *positions[:2]), Stretch(neck.left.loop, *positions[2:]), corners)
+    right = Stretch(neck.right.loop, positions[0], positions[1])
+    left = Stretch(neck.left.loop, positions[2], positions[3])
+    drawn = [*edges.stretch(*right), Segment(second, third), *edges.stretch(*left), Segment(fourth, first)]
+    x, weights = fit.profile.quadrature
+    most = ALLOWED * 2 * fit.profile.length
+    if abs(area(drawn) - float(weights @ fit.profile.height(x))) > most:
+        return None
+    return Cut(neck, fit, right, left, corners)
 
 
 def _contains(stretch: Stretch, position: float) -> bool:

@@ -15,7 +15,7 @@ from flexfem.importing.metal import Paths, Room
 from flexfem.importing.necks import Neck, necks_of, triangles_of
 from flexfem.importing.shapes import ALLOWED, fits_of
 from flexfem.importing.strips import joined
-from flexfem.mechanism.outlines import Segment, circle_of
+from flexfem.mechanism.outlines import Segment, area, circle_of
 from flexfem.mechanism.profiles import Profile, Tabulated
 
 THIN = 2.7  # width of the narrower body per neck from which a neck is a hinge
@@ -25,6 +25,7 @@ FLEXIBLE = 20.0  # flexibility from which a neck is a hinge in bodies less wide
 AMONG_OTHERS = 0.05  # its compliance per that of the most compliant hinge, from which it is one
 STIFF = 5.0  # flexibility up to which a neck is no hinge
 STIFF_RIM = 40.0  # the same of the rim of a round hole
+OF_PLATE = 1e-6  # of its area, by which bodies and hinges may differ from a plate
 LEAST = 0.1  # mm; a plate with a narrower neck is enlarged, so that differences of a micrometre are small in it
 ON_MARK = np.linspace(0, 1, 5)  # points of a side, per length, that are on a mark
 MOST_FITS = 8  # of one neck that are tried
@@ -44,6 +45,8 @@ def recognise(drawing: Drawing) -> FoundPlate:
     scale = max(LEAST / thinnest, 1.0)
     edges = Edges([[resized(segment, scale) for segment in loop] for loop in loops])
     cuts, result = _settled(edges, _flexible(edges, _first(edges, between, scale)))
+    if not _is_whole(edges, cuts, result):
+        cuts, result = [], divided(edges, [])
     kept = {cut.neck.chord for cut in cuts}
     thin = [neck for neck in (*between, *closing) if neck.chord not in kept and neck.beyond > THIN * neck.width]
     hinges = [_hinge(cut, ends, 1 / scale) for cut, ends in zip(cuts, result.between, strict=True)]
@@ -81,6 +84,17 @@ def _settled(edges: Edges, cuts: Sequence[Cut]) -> tuple[list[Cut], Divided]:
     return settled, result
 
 
+def _is_whole(edges: Edges, cuts: Sequence[Cut], result: Divided) -> bool:
+    """Return whether bodies and hinges have the area of the plate, but for the deviations of the edges of hinges."""
+    plate = sum(map(area, edges.loops))
+    profiles = [cut.fit.profile for cut in cuts]
+    parts = sum(map(_area_of, profiles))
+    parts += sum(area(loop) for body in result.bodies for loop in (body.outside, *body.holes))
+    lengths = np.array([2 * (profile.length + profile.end_height) for profile in profiles])
+    deviations = np.array([cut.fit.deviation for cut in cuts])
+    return bool(abs(parts - plate) < OF_PLATE * plate + lengths @ deviations)
+
+
 def _cyclic(loop: Sequence[Segment]) -> list[Segment]:
     """Return a closed loop in which lines that continue each other are one."""
     path = joined(loop)
@@ -96,6 +110,11 @@ def _cuts(edges: Edges, neck: Neck) -> Iterator[Cut]:
             return
         if fit.deviation <= ALLOWED and (cut := cut_of(edges, neck, fit)) is not None:
             yield cut
+
+
+def _area_of(profile: Profile) -> float:
+    x, weights = profile.quadrature
+    return float(weights @ profile.height(x))
 
 
 def _rotation(profile: Profile) -> float:

@@ -36,6 +36,8 @@ MOST_ROWS = 2000
 BETWEEN = (0.05, 0.25, 0.5, 0.75, 0.95)  # positions between two rows at which a table is compared
 ROUNDS = 14  # in which rows are added to a table
 SHORT_LEAF = 12.0  # length per neck up to which a leaf with fillets is a filleted hinge
+BENT = 1.5  # height per neck, up to which the middle of the metal must follow the axis
+STEEPEST = 0.15  # slope of the middle of the metal there
 LOW = 4.0  # height of the ends of a low table per neck
 MOSTLY = 0.5  # of the length of a profile with flanks, above which the leaf between them is the hinge
 DIGITS = 10  # of headings, rad, that are alike
@@ -314,8 +316,19 @@ def _lowered(strip: Strip) -> Strip | None:
     return strip._replace(low=float(low), high=float(end)) if end - low > CLOSE else None
 
 
+def _is_curved(strip: Strip) -> bool:
+    """Return whether the middle of the metal bends away from the axis where it is low: its sections are not upright."""
+    x = np.linspace(strip.low, strip.high, FINE)
+    left, right = height_at(strip.left, x), height_at(strip.right, x)
+    slope = np.abs(np.diff(left - right)) / 2 / np.diff(x)
+    is_low = (left + right < BENT * np.nanmin(left + right))[1:]
+    return bool(np.any(slope[is_low] > STEEPEST))
+
+
 def _table(strip: Strip) -> Fit | None:
     """Return the profile with rows of the drawn edges of a strip, None where there is none."""
+    if _is_curved(strip):
+        return None
     low, high = _gentle(strip)
     left, right = strip.left, strip.right
     is_curved = any(segment.centre is not None for edge in (left, right) for segment in edge)
