@@ -20,7 +20,7 @@ from flexfem.arrays import Array
 FIRST_STEP, LARGEST_STEP, LEAST_STEP = 1 / 16, 1 / 5, 1e-5  # of the displacement asked for, or of the largest force
 FIRST_FORCE = 0.1  # of the force by linear theory at the displacement asked for: the first guess of the largest force
 GROWTH = 1.5  # of a step after one that is accepted
-STEEP = 0.3  # displacement of a step, per displacement asked for, below which the force is no longer its result
+STEEP = 0.1  # displacement of a step, per displacement asked for, below which the force is no longer its result
 TURN = 0.5  # cosine of the angle between tangents before and after a step; a step that turns more is divided
 MOST_POINTS = 400
 REFINED = 6  # equilibria that locate a limit at most
@@ -115,6 +115,8 @@ class Followed:
             self.scale[1] = max(self.scale[1], abs(float(after.at.loads[self.port])))
             step = min(GROWTH * step, LARGEST_STEP)
             points[-1] = self._placed(after.at, after.tangent)
+            if self.sign * after.at.motions[self.port] < -abs(self.end):
+                break  # it turned back, and went as far on the other side
         points = [self._placed(point.at, point.tangent) for point in points]  # by the final scale
         events = list[tuple[int, Event]]()
         for number, (one, other) in enumerate(pairwise(points)):
@@ -148,7 +150,10 @@ class Followed:
             return None
         way = self._values(at) / self.scale - before.place
         after = self._placed(at, way)
-        turned = min(float(before.tangent @ after.tangent), float(before.tangent @ way / np.hypot(*way)))
+        if self.held_unstable(at) == self.held_unstable(before.at) and before.tangent[0] * after.tangent[0] < 0:
+            after = after._replace(tangent=-after.tangent)  # the displacement has no limit in between
+        chord = way / np.hypot(*way)
+        turned = float(min(before.tangent @ after.tangent, before.tangent @ chord, after.tangent @ chord))
         jumped = abs(at.unstable - before.at.unstable) > 1
         if (turned < TURN or jumped) and step > LARGEST_STEP * LEAST_STEP**0.5:
             return None
