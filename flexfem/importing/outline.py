@@ -24,7 +24,7 @@ AT_HINGE = 5e-4  # the same of a side at which a hinge ends, which is fitted
 REACHED = 2e-3  # mm, between an end of a hinge and the side of a body
 SHORT = 1e-4  # mm, side beside a fillet
 TANGENT = 1e-5  # rad, of a fillet and its sides
-BLUNT = math.radians(170.0)  # turn of a fillet
+SHALLOW, BLUNT = 1e-2, math.radians(170.0)  # rad, turns between which an arc is written as a fillet
 LONGEST_ARC = math.radians(300.0)  # turn of an arc between two corners
 PARALLEL = 1e-6  # sine of the angle between sides without a common corner
 DECIMALS, FEWER = 9, 4  # of numbers of mm
@@ -162,7 +162,9 @@ def _joined(one: Side, other: Side) -> Side | None:
 
 def _is_fillet(before: Side, side: Side, after: Side) -> bool:
     """Whether an arc between two lines can be written as a corner with a radius."""
-    if side.centre is None or before.centre is not None or after.centre is not None or abs(side.turn) > BLUNT:
+    if side.centre is None or before.centre is not None or after.centre is not None:
+        return False
+    if not SHALLOW < abs(side.turn) < BLUNT:
         return False
     along, beyond = before.end - before.start, after.end - after.start
     if min(abs(along), abs(beyond)) < SHORT:
