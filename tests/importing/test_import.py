@@ -91,11 +91,13 @@ def test_a_drawing_is_said_in_one_line_and_an_assumed_ground_in_it(flexfem, part
     assert "leaf 2" in out
 
 
+@pytest.mark.slow
 def test_view_draws_what_was_recognised(flexfem, part, tmp_path):
     code, out, err = flexfem("view", part, *STATED, "-o", "seen.png")
     assert (code, err) == (0, "") and "seen.png" in out
 
 
+@pytest.mark.slow
 def test_compare_takes_the_drawing_in_either_order(flexfem, part):
     mechanism = ROOT / "geometry/parallelogram.toml"
     for order in ((part, mechanism), (mechanism, part)):

@@ -85,6 +85,7 @@ def stiffness_of(mechanism):
     return api.stiffness(mechanism, models="analytic").at("stiffness")
 
 
+@pytest.mark.slow
 def test_a_turned_guide_is_written_exactly_and_stays_closed_when_a_leaf_changes():
     mechanism = api.Mechanism.model_validate(turned(LEAVES, 30.0))
     plate = of_file(mechanism)
@@ -103,6 +104,7 @@ def test_a_turned_guide_is_written_exactly_and_stays_closed_when_a_leaf_changes(
     assert ratio == pytest.approx((23.8 / 19.8) ** 3 / (0.41 / 0.37) ** 3, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["parallelogram", "xy-stage", "lever-amplifier", "rhombic-amplifier"])
 def test_a_shipped_mechanism_is_written_with_one_number_for_equal_parts(kind):
     mechanism = api.load(f"geometry/{kind}.toml")
@@ -130,6 +132,7 @@ def test_an_xy_stage_is_written_as_a_person_would():
     assert {hinge.length_mm for hinge in report.hinges} == {17.0} and len(report.hinges) == 24
 
 
+@pytest.mark.slow
 def test_names_of_the_report_are_those_of_the_written_copies():
     """By place: the name of a hinge in the table is that of the hinge at the same place in the file."""
     plate = of_file(api.load("geometry/xy-stage.toml"))
