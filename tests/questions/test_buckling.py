@@ -100,7 +100,7 @@ def test_a_load_on_a_point_is_not_a_load_on_the_output():
     assert by_point.factor[0, 0] < CLAMPED_FREE / 4
 
 
-@pytest.mark.parametrize("models", ["analytic", "elements"])
+@pytest.mark.parametrize("models", ["analytic", pytest.param("elements", marks=pytest.mark.slow)])
 def test_a_pair_of_loads_compresses_what_is_between_them_alone(models):
     pair = {"force": (1.0, 0.0, 0.0), "force_at": ["end=-1,0,0"]}
     options = {} if models == "analytic" else {"plane": True, "resolution": 4}
@@ -109,6 +109,7 @@ def test_a_pair_of_loads_compresses_what_is_between_them_alone(models):
     assert found.factor[0, -1] == pytest.approx(softer * ON_A_LEAF, rel=EULER if models == "analytic" else 5e-3)
 
 
+@pytest.mark.slow
 def test_tension_does_not_buckle_a_leaf():
     found = flexfem.buckling(column(), force=(2.0, 0.0, 0.0), count=1, plane=True, resolution=4)
     assert np.isnan(found.factor).all()

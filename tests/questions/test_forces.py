@@ -60,6 +60,7 @@ def test_forces_through_a_hinge_are_those_of_statics_in_all_models(found):
         np.testing.assert_allclose(found.at("force", section="leaf", model=model), AT_LEAF, rtol=STATICS)
 
 
+@pytest.mark.slow
 def test_a_hinge_that_is_described_from_its_other_side_has_the_same_tension_and_another_shear():
     other = flexfem.forces(bar(True), **LOAD, **QUICK)
     # the end at the base: forces on it are opposite, and so are the axes of the hinge; the moment is that on the base
@@ -79,6 +80,7 @@ def test_forces_through_a_section_are_those_of_statics(found):
     assert np.isnan(found.at("force", section="(50, -5) to (50, 5)", model="analytic")).all()
 
 
+@pytest.mark.slow
 def test_a_pair_of_loads_loads_only_what_is_between_them():
     pair = {"force": (3.0, 0.0, 0.0), "force_at": {"middle": (-3.0, 0.0, 0.0)}}
     found = flexfem.forces(bar(), **pair, section=["50,-5,50,5", "70,-5,70,5"], **QUICK)
@@ -99,6 +101,7 @@ def test_the_strain_of_a_leaf_under_a_moment_is_that_of_bending():
         assert 1e-2 * strain * E == pytest.approx(stress, rel=FREE_EDGE)
 
 
+@pytest.mark.slow
 def test_plane_strain_lowers_the_strain_of_a_moment_by_the_square_of_poissons_ratio():
     """By hand: 1 - 0.29^2 = 0.9159 at a free edge, whatever the stress of plane strain is there."""
     strains = [

@@ -14,6 +14,9 @@ ROOTS = 1.5e-2  # relative: leaves clamped in elastic bodies
 STRIP = 3e-3  # of a frequency: clamped ends that do not contract, and shear
 
 
+BOTH = ["analytic", pytest.param("elements", marks=pytest.mark.slow)]
+
+
 def material(residual=None):
     stated = {"name": "m", "youngs_modulus": E, "poissons_ratio": NU, "density": DENSITY, "yield_strength": 1200.0}
     return stated | ({} if residual is None else {"residual_stress": residual})
@@ -50,7 +53,9 @@ def clamped_frequency(tension):
     return brentq(determinant, above[first], above[first + 1]) / 2 / np.pi
 
 
-@pytest.mark.parametrize("residual", [None, 60.0, -15.0])
+@pytest.mark.parametrize(
+    "residual", [60.0, *(pytest.param(stress, marks=pytest.mark.slow) for stress in (None, -15.0))]
+)
 def test_a_clamped_strip_with_residual_stress_vibrates_as_a_beam_under_tension(residual):
     """The stress that both clamped ends leave along the strip is s (1 - nu)."""
     tension = (residual or 0.0) * (1 - NU) * B * T
@@ -112,7 +117,7 @@ def lateral(force):
     return -force / (np.tan(k * L) / k - L)
 
 
-@pytest.mark.parametrize("models", ["analytic", "elements"])
+@pytest.mark.parametrize("models", BOTH)
 @pytest.mark.parametrize("force", [25.0, -0.9])
 def test_the_tangent_of_a_leaf_under_tension_and_compression_is_exact(models, force):
     found = flexfem.stiffness(
@@ -128,7 +133,7 @@ def test_the_tangent_of_a_leaf_under_tension_and_compression_is_exact(models, fo
     assert abs(expected / at_rest - 1) > 0.4  # so that the load matters
 
 
-@pytest.mark.parametrize("models", ["analytic", "elements"])
+@pytest.mark.parametrize("models", BOTH)
 def test_the_preload_of_an_actuator_is_a_load_along_its_line(models):
     options = {"models": models} | ({"resolution": 4} if models != "analytic" else {})
     found = flexfem.stiffness(leaf(pull(25.0)), **options)
@@ -168,6 +173,7 @@ def guide(residual=None):
     )
 
 
+@pytest.mark.slow
 def test_frequencies_of_both_models_follow_the_residual_stress_of_guided_leaves():
     """The plate shrinks, too: leaves of 2 L are stretched by a length of 2 L + 6 mm."""
     residual = 30.0
