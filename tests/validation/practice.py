@@ -199,6 +199,26 @@ def openflexure_level() -> list[Finding]:
 
 
 @problem(
+    "A bistable shuttle",
+    "the whole curve of force against displacement, past its limits",
+    "dimensions: public repository compliant_mechanisms, bistable.scad; targets: " + OWN + ", driven by displacement",
+    slow=True,
+    mechanism="bistable",
+)
+def bistable_shuttle() -> list[Finding]:
+    """A shuttle between four inclined limbs, pushed from one stable position to the other."""
+    found = flexfem.large(mechanism("bistable", plane=True), amplitude=-12.0, resolution=4)
+    limit = {"event": "limit of the force 1", "theory": PLANE, "direction": "y"}
+    rest = {"event": "stable position without force 1", "theory": PLANE, "direction": "y"}
+    force, band = stated(found, "event_force", **limit)
+    position = float(found.at("event_pose", **rest))
+    return [
+        Finding("force at which it snaps (N)", -48.7, force, 0.7, 0.05, 3, "", band),
+        Finding("second stable position (mm)", -8.9, position, 0.06, 0.05, 3),
+    ]
+
+
+@problem(
     "A strip with a hole",
     "stress of a body at a stated point",
     "dimensions: CalculiX-Examples, Linear/StressConc1; target: " + OWN,
