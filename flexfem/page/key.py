@@ -34,6 +34,9 @@ AT_REST = {
     "yield_force": "force at yield, other directions held, linear",
     "stress": "highest stress per displacement",
 }
+LINEAR = ("yield_range", "yield_force")  # by linear theory; left out where the range at finite displacement is known
+SENSES = ("positive", "negative")
+UNKNOWN = "not known"
 COARSE = 2  # triangles across a neck, for the motions by actuators, which are only drawn
 MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to stop or start it."
 
@@ -51,6 +54,8 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
     first = vibrating.axes["mode"][0]  # with layers "1 in the plane" or "1 out of the plane"
     motion_of_first = first.partition(" ")[2] or "in the plane"
     singles = [(f"first natural frequency, {motion_of_first}", vibrating.texts("frequency", mode=first)[-1])]
+    if "first_out_of_plane" in vibrating.values and motion_of_first == "in the plane":
+        singles.append(("first natural frequency, out of the plane", vibrating.texts("first_out_of_plane")[0]))
     figures = list[Markup]()
     fields = vibrating.fields
     if meshed and fields is not None:  # a mechanism in three dimensions has none
@@ -113,7 +118,11 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
     found = type(found)(found.about, found.internal.values, widths, found.axes)
     held = [found.texts("stiffness", model=model, component=axis)[k] for k, axis in enumerate(DIRECTIONS)]
     rows = [["stiffness, other directions held", *held]]
-    rows += [[title, *found.texts(name, model=model)] for name, title in AT_REST.items() if name in found.values]
+    at_rest = {name: title for name, title in AT_REST.items() if name in found.values}
+    if "range" in found.values:
+        at_rest = {name: title for name, title in at_rest.items() if name not in LINEAR}
+    rows += [[title, *found.texts(name, model=model)] for name, title in at_rest.items()]
+    rows += rows_of_range(found)
     free, band = found.internal.values["free"], found.band("free")
     unused = comparison.held(found.internal.values["compliance"][-1], found.about.lever)
     for label, other in zip(found.axes["model"][:-1], free[:-1], strict=True):
@@ -122,6 +131,39 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
         errors = ["held" if out else f"{number(*pair)} %" for out, *pair in pairs]
         rows.append([f"error of the stiffness, others free, by {_model(label, analytic)}", *errors])
     return rows
+
+
+def rows_of_range(found: Result) -> list[list[str]]:
+    """Return the rows of the range of the output at finite displacement, the limit that ends it, and the force there.
+
+    There are none for a result that has no such range.
+    """
+    if "range" not in found.values:
+        return []
+    rows = list[list[str]]()
+    for others in ("free", "held"):
+        ends = [_limits(found, others, sense) for sense in SENSES]
+        rows.append([f"range until a limit, other directions {others}", *_both_ways(found, "range", others)])
+        rows.append(
+            ["limit", *(first if first == last else f"{first}; {last}" for first, last in zip(*ends, strict=True))]
+        )
+        rows.append(["force at the end of the range", *_both_ways(found, "range_force", others)])
+    return rows
+
+
+def _both_ways(found: Result, name: str, others: str) -> list[str]:
+    """Return cells with the ends of both senses of every direction, or with one if they differ in sign alone."""
+    texts = [found.texts(name, others=others, sense=sense) for sense in SENSES]
+    return [
+        f"{there} each way" if there and back == f"-{there}" else f"{there or UNKNOWN} to {back or UNKNOWN}"
+        for there, back in zip(*texts, strict=True)
+    ]
+
+
+def _limits(found: Result, others: str, sense: str) -> list[str]:
+    """Return the limits that end the range along every direction in a sense."""
+    governing = found.at("range_limit", others=others, sense=sense)
+    return [found.axes["limit"][row] for row in np.argmax(governing, axis=0)]
 
 
 def errors_driven(found: Result, actuator: str, analytic: str) -> list[tuple[str, str]]:

@@ -31,7 +31,7 @@ from flexfem.page.section import (
 )
 from flexfem.plot.style import house_style
 from flexfem.questions.drive import driven_elements
-from flexfem.questions.stiffness import Stiffness
+from flexfem.questions.stiffness import MechanismStiffness, Stiffness
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, About, TextTable
 from flexfem.units import DIRECTIONS
@@ -353,6 +353,33 @@ def test_key_results_are_those_of_finite_elements_with_errors_of_the_analytic_mo
     values["compliance"] = values["compliance"] * np.diag([1.0, 1.0, 1 / 101])  # as stiff as 4040 N/mm at the lever
     turned = Stiffness(About("one", lever=50.0), values, bands, {"model": (ANALYTIC, ELEMENTS)})
     assert [cells[3] for cells in rows_at_rest(turned, ELEMENTS, "beams") if cells[0].startswith("error")] == ["held"]
+
+
+def test_the_key_results_state_the_range_at_finite_displacement_and_its_limit():
+    """Both senses, with the limit that ends each; numbers by linear theory do not stand beside it."""
+    stiff = np.eye(3)[None] * [40.0, 50.0, 1e5]
+    values = {"stiffness": stiff, "free": np.array([[40.0, 50.0, 1e5]]), "compliance": np.linalg.inv(stiff)}
+    values |= {"yield_range": np.ones((1, 3)), "yield_force": np.ones((1, 3))}
+    reach = np.array([[0.8, 0.3, 0.02], [-0.8, -0.1, np.nan]])
+    values |= {"range": np.array([reach / 2, reach]), "range_force": np.array([reach, 2 * reach])}
+    limit = np.zeros((2, 2, 7, 3))
+    limit[:, :, 0] = 1.0
+    limit[1, 1, :, 1] = np.eye(7)[2]
+    values["range_limit"] = limit
+    band = np.full((2, 2, 3), 0.01)
+    found = MechanismStiffness(About("one", lever=50.0), values, {"range": band}, {"model": (ANALYTIC,)})
+    rows = rows_at_rest(found, ANALYTIC, "beams")
+    (free, ends, force, held), titles = rows[2:6], [title for title, *_ in rows]
+    assert free[:3] == [
+        "range until a limit, other directions free",
+        "800 ± 10 µm each way",
+        "300 ± 10 µm to -100 ± 10 µm",
+    ]
+    assert free[3].endswith("to not known")
+    assert ends[1:3] == ["yield of a hinge", "yield of a hinge; buckling"]
+    assert force[1:3] == ["1.6 N each way", "0.6 N to -0.2 N"]
+    assert held[1] == "400 ± 10 µm each way"
+    assert not [title for title in titles if "linear" in title]
 
 
 def test_a_page_without_finite_elements_opens_with_the_analytic_model(written):
