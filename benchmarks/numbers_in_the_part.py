@@ -10,7 +10,8 @@ neck. A number counts as held if its band contains the reference:
 - stiffness of the output, other directions free, and the first natural frequency of all, in or out of the plane, by
   NGSolve on the extruded drawing with curved elements of the stated order;
 - range of the output, driven in one direction with the others free, by nonlinear finite elements on a finer mesh, in
-  plane stress, until a hinge or a body reaches the yield strength. A range that ends otherwise is named, and does not count.
+  plane stress, until a hinge or a body reaches the yield strength. A range that ends otherwise is named, and does not
+  count.
 """
 
 from __future__ import annotations

@@ -26,6 +26,7 @@ from flexfem.questions.drive import commanding, push_spread
 from flexfem.questions.setup import sharp_roots
 from flexfem.results import versions
 from flexfem.study import columns as outputs
+from flexfem.questions.stiffness import stiffness
 from flexfem.study.answer import answer_designs, with_warnings
 from flexfem.study.findings import axis_of, factor, non_dominated
 from flexfem.study.loaded import plate_of, stage_of
@@ -320,6 +321,30 @@ def share_kept(verified: Proof, tolerance: Tolerance) -> float:
     return float(np.mean((rows.status == "ok") & np.all(model.margins(quantities) >= -ROUND_OFF, axis=1)))
 
 
+def _by_linear_theory(loaded: LoadedRequirements, values: Array) -> list[str]:
+    """Warn of requirements and objectives on displacements at yield by linear theory, with their error by beams."""
+    paths = [path for path in loaded.requirements.ask if path in loaded.requirements.used]
+    linear = [path for path in paths if path.split(".")[1] in LINEAR]
+    if not linear:
+        return []
+    designed = plate_of(loaded, values)
+    found = stiffness(designed, models="analytic")
+    if "range" not in found.values:
+        return []
+    texts = list[str]()
+    for path in linear:
+        name, direction = path.split(".")[1], path.split(".")[-1]
+        others = LINEAR[name]
+        at = {"others": others, "direction": direction}
+        finite = float(np.min(np.abs(found.at("range", **at))))
+        change = 100 * (finite / float(found.at(name, direction=direction)[0]) - 1)
+        if not abs(change) <= WORTH_A_WARNING:
+            by_how_much = f"by beams, it is {change:+.2g} % there" if np.isfinite(change) else "it is not known there"
+            better = f"stiffness.range.{others}.positive.{direction}"
+            texts.append(f"{path} is by linear theory; at finite displacement, {by_how_much}: require {better} instead")
+    return texts
+
+
 def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) -> list[str]:
     """Return warnings on rounds without convergence, results outside their range, and couplings without a check."""
     last, warnings = rounds[-1].proof, list[str]()
@@ -333,7 +358,7 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
         if rounds[0].proof.gap > DISTANT:
             far = f"model and finite elements differed by {100 * rounds[0].proof.gap:.3g} % in the first round"
             warnings.append(f"{far}: designs in other parts of the ranges may be better")
-        return [*warnings, *sharp_roots(loaded.base.layout)]
+        return [*warnings, *_by_linear_theory(loaded, last.values), *sharp_roots(loaded.base.layout)]
     row = outputs.row_of("ok", "", [columns[name] for name in loaded.outputs])
     reason = str(with_warnings(loaded, last.values[None], row).reason[0])
     warnings += reason.split("; ") if reason else []

@@ -19,7 +19,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions.bands import SAFETY
 from flexfem.questions.loads import AtPoints, held_ports, required_load
-from flexfem.questions.plates import LIFTED_LAYERS, LIFTED_MESH, LIFTED_RESOLUTION, Values
+from flexfem.questions.plates import LIFTED_LAYERS, LIFTED_RESOLUTION, Values, lifted_mesh_error
 from flexfem.questions.setup import MeshFields, ModelAnswer, Models
 from flexfem.results import ANALYTIC, COARSER, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -174,4 +174,4 @@ def _out_of_plane(stage: Stage | Mechanism, load: Array, held: tuple[int, ...]) 
         factors = critical_shapes(model, lifted(change, model, load), (), 1).factors
         found.append(float(_all_of(factors, 1)[0]))
     few, many = found
-    return many, SAFETY * abs(many - few) + 2 * LIFTED_MESH * abs(many)
+    return many, SAFETY * abs(many - few) + 2 * lifted_mesh_error(stage.layout) * abs(many)

@@ -93,7 +93,9 @@ WHOLE_LAYERS = 3
 WHOLE_RESOLUTION = 4
 LIFTED_RESOLUTION = 2  # triangles across every neck, for motion out of the plane
 LIFTED_LAYERS = (1, 2)  # in half the thickness
-LIFTED_MESH = 2e-3  # of a frequency out of the plane, by this resolution: 0.02 to 0.1 % to resolution 4
+LIFTED_MESH = 2e-3  # of a frequency out of the plane, by this resolution: at most 0.15 % of plates from THIN
+THIN = 5.0  # necks; the error grows in thinner plates, to 0.7 % at one neck (`benchmarks/numbers_in_the_part.py`)
+MOST_OF_THIN = 4.0  # times `LIFTED_MESH`
 ON_MESHES, PEAK = COARSER._replace(band=MAGNITUDE), STRESS._replace(band=MAGNITUDE)
 POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
 ALONG_READ = (
@@ -209,20 +211,27 @@ def lifted(mechanism: Mechanism) -> Lifted:
         frequencies.append(float(plate_modes(model, 1).frequencies[0]))
     stiffness = [np.asarray(np.linalg.inv(C), dtype=float) for C in compliances]
     few, many = frequencies
+    of_mesh = lifted_mesh_error(mechanism.layout)
     return Lifted(
         compliances[-1],
-        _of_layers(*compliances),
+        _of_layers(*compliances, of_mesh),
         stiffness[-1],
-        _of_layers(*stiffness),
+        _of_layers(*stiffness, of_mesh),
         many,
-        SAFETY * abs(many - few) + LIFTED_MESH * many,
+        SAFETY * abs(many - few) + of_mesh * many,
     )
 
 
-def _of_layers(few: Array, many: Array) -> Array:
+def lifted_mesh_error(layout: Layout) -> float:
+    """Return the possible error, relative, of a frequency out of the plane by the mesh in the plane."""
+    neck = min((joint.profile.neck for joint in layout.joints), default=layout.thickness / THIN)
+    return LIFTED_MESH * float(np.clip(THIN * neck / layout.thickness, 1.0, MOST_OF_THIN))
+
+
+def _of_layers(few: Array, many: Array, of_mesh: float) -> Array:
     """Band (3, 3) of a matrix out of the plane by its layers and its mesh, which changes it by twice a frequency."""
     scale = np.sqrt(np.outer(np.diag(many), np.diag(many)))
-    return np.asarray(SAFETY * np.abs(many - few) + 2 * LIFTED_MESH * scale)
+    return np.asarray(SAFETY * np.abs(many - few) + 2 * of_mesh * scale)
 
 
 class Thickened(NamedTuple):

@@ -18,7 +18,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import plates
 from flexfem.questions.bands import SAFETY
 from flexfem.questions.loads import StatedLoad
-from flexfem.questions.plates import LIFTED_LAYERS, LIFTED_MESH, LIFTED_RESOLUTION
+from flexfem.questions.plates import LIFTED_LAYERS, LIFTED_RESOLUTION, lifted_mesh_error
 
 IN_THREE_DIMENSIONS = (
     "under the preload, the stiffness in three dimensions and out of the plane changes by the linear stress in the "
@@ -85,4 +85,4 @@ def first_out_of_plane(mechanism: Mechanism, load: Array) -> tuple[float, float]
         float(modes_under(mechanism, load, LIFTED_RESOLUTION, layers, True, 1, False)[0].frequencies[0])
         for layers in LIFTED_LAYERS
     )
-    return many, SAFETY * abs(many - few) + LIFTED_MESH * many
+    return many, SAFETY * abs(many - few) + lifted_mesh_error(mechanism.layout) * many
