@@ -46,6 +46,7 @@ from flexfem.units import DIRECTIONS
 
 FAMILIES = (ring, legs, guide, double_guide)
 LARGEST = 650_000  # unknowns in three dimensions
+STROKE = 10.0  # mm, of actuators that do not end a range
 MODES = 4  # of a plate solved in three dimensions, whose first modes may all be out of the plane
 FROM_THE_LIMIT = 0.02  # of a displacement: the second equilibrium from which the place of the limit follows
 
@@ -157,7 +158,8 @@ def limits_of(notes: Sequence[str]) -> dict[str, str]:
 
 def of_ranges(mechanism: flexfem.Mechanism, fine: int) -> list[Number]:
     """Ranges in plane stress, others free, and those by nonlinear finite elements on a finer mesh."""
-    plane = mechanism.replace(model="plane_stress")
+    endless = {actuator.name: {"stroke": STROKE} for actuator in mechanism.actuator}
+    plane = mechanism.replace(model="plane_stress", **({"actuator": endless} if endless else {}))
     answer = flexfem.stiffness(plane, models="elements")
     limits, model = limits_of(answer.notes), model_of(plane, fine)
     strength = plane.layout.yield_strength
@@ -186,9 +188,13 @@ def main() -> None:
     parser.add_argument("--order", type=int, default=3)
     parser.add_argument("--fine", type=int, default=10)
     parser.add_argument("--only", choices=("solid", "ranges"))
+    parser.add_argument("--numbers", type=int, nargs="+", help="of the mechanisms to compare, from 1; by default all")
     arguments = parser.parse_args()
     found = defaultdict[str, list[tuple[float, float, str]]](list)
-    for mechanism in drawn_at_random(np.random.default_rng(arguments.seed), arguments.mechanisms):
+    drawn = drawn_at_random(np.random.default_rng(arguments.seed), arguments.mechanisms)
+    for number, mechanism in enumerate(drawn, start=1):
+        if arguments.numbers and number not in arguments.numbers:
+            continue
         shapes = ", ".join(sorted({hinge.shape for hinge in mechanism.hinge}))
         start = time.perf_counter()
         numbers = list[Number]()

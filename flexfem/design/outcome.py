@@ -24,9 +24,9 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.drive import commanding, push_spread
 from flexfem.questions.setup import sharp_roots
+from flexfem.questions.stiffness import stiffness
 from flexfem.results import versions
 from flexfem.study import columns as outputs
-from flexfem.questions.stiffness import stiffness
 from flexfem.study.answer import answer_designs, with_warnings
 from flexfem.study.findings import axis_of, factor, non_dominated
 from flexfem.study.loaded import plate_of, stage_of
@@ -36,6 +36,12 @@ PLANE_ALONE = {
     *outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS, *outputs.FREQUENCIES, *outputs.ERRORS,
     *outputs.CROSSES, *outputs.BANDS,
 }  # fmt: skip
+LINEAR = {  # numbers by linear theory, and the range at finite displacement that they stand for
+    "yield_range": ("range", "held"),
+    "yield_force": ("range_force", "held"),
+    "free_yield_range": ("range", "free"),
+}
+WORTH_A_WARNING = 1.0  # per cent, of such a number
 DISTANT = 0.2  # gap between the models above which one correction may not hold in all ranges
 SHOWN = 200  # steps of a history
 ACTIVE = 1e-3  # largest relative margin of an active requirement, at the optimum without steps
@@ -327,21 +333,19 @@ def _by_linear_theory(loaded: LoadedRequirements, values: Array) -> list[str]:
     linear = [path for path in paths if path.split(".")[1] in LINEAR]
     if not linear:
         return []
-    designed = plate_of(loaded, values)
-    found = stiffness(designed, models="analytic")
+    found = stiffness(plate_of(loaded, values), models="analytic")
     if "range" not in found.values:
         return []
     texts = list[str]()
     for path in linear:
         name, direction = path.split(".")[1], path.split(".")[-1]
-        others = LINEAR[name]
-        at = {"others": others, "direction": direction}
-        finite = float(np.min(np.abs(found.at("range", **at))))
-        change = 100 * (finite / float(found.at(name, direction=direction)[0]) - 1)
+        quantity, others = LINEAR[name]
+        ends = np.abs(found.at(quantity, others=others, direction=direction))
+        change = 100 * (float(np.min(ends)) / float(found.at(name, direction=direction)[0]) - 1)
         if not abs(change) <= WORTH_A_WARNING:
-            by_how_much = f"by beams, it is {change:+.2g} % there" if np.isfinite(change) else "it is not known there"
-            better = f"stiffness.range.{others}.positive.{direction}"
-            texts.append(f"{path} is by linear theory; at finite displacement, {by_how_much}: require {better} instead")
+            by_how_much = f"beams differ by {change:+.2g} %" if np.isfinite(change) else "beams find no end"
+            better = f"stiffness.{quantity}.{others}.positive.{direction}"
+            texts.append(f"{path} is by linear theory; of {better}, at finite displacement, {by_how_much}")
     return texts
 
 

@@ -49,9 +49,9 @@ HOLDS = 0.5  # of the band of the linear range: linear theory holds if beams cha
 OF_THE_THICKNESS = 0.25  # possible error of the effect of the thickness on the ratios to linear theory
 OF_THE_MESH = 2e-3  # of the change of the force; 1e-4 measured between meshes of resolutions 3 and 6
 OF_THE_PEAK = 0.02  # of the change of the stress, where bending and tension concentrate differently
-MOST_CHECKS = 2
+MOST_CHECKS = 5
 CLOSE = 0.06  # of a displacement: a larger step is followed by other finite elements
-OF_THE_STEP = 0.1  # of the step from the displacement of finite elements to the limit, by powers
+OF_THE_STEP = 0.1  # of a step from the displacement of finite elements to the limit, by powers, that is close
 BEFORE_CONTACT = 0.97  # of the displacement at which parts touch: there finite elements still have a gap
 LEAST_POWER = 0.5  # of the displacement, of the stress in bodies where the force no longer grows
 LIMITS = (YIELD, BODY_YIELD, BUCKLING, CONTACT, STROKE, NO_LIMIT, UNKNOWN)
@@ -285,13 +285,18 @@ def _checked(
         return _of_linear_theory(mechanism.layout, end, linear, opening, change)
     powers = np.maximum(end.exponents, [-np.inf, LEAST_POWER])
     x = end.displacement * (BEFORE_CONTACT if end.kind == CONTACT else 1.0)
+    before: tuple[float, Array] | None = None
     for _ in range(MOST_CHECKS):
         at = _finite(mechanism, mesh, x, driven_ports, plane, beams, end)
-        steps = _steps(mechanism.layout, end, at, linear.slopes * at.ratios * abs(x), powers)
+        values = linear.slopes * at.ratios * abs(x)
+        if before is not None:
+            powers = _powers(before, (x, values))
+        steps = _steps(mechanism.layout, end, at, values, powers)
         kind = min(steps, key=lambda limit: steps[limit])
         step = steps[kind]
         if abs(step - 1) < CLOSE:
             break
+        before = x, values
         x = x * step
     if kind == YIELD:
         at = at._replace(peaks=at.peaks * strength / at.peaks.max())
@@ -312,6 +317,16 @@ class _Finite(NamedTuple):
     bodies: Array
     motions: Array
     contact: float
+
+
+def _powers(before: tuple[float, Array], after: tuple[float, Array]) -> Array:
+    """Return force and highest stress of hinges (2,) as powers of the displacement between two of finite elements.
+
+    Those of beams do not hold where bodies are soft and a limit point is near.
+    """
+    (x, values), (farther, more) = before, after
+    found = np.log(more[:2] / values[:2]) / np.log(farther / x)
+    return np.asarray(np.maximum(found, [-np.inf, LEAST_POWER]))
 
 
 def _steps(layout: Layout, end: PathEnd, at: _Finite, values: Array, powers: Array) -> dict[str, float]:
@@ -388,7 +403,8 @@ def _ended(end: PathEnd, linear: _Linear, at: _Finite, powers: Array, reached: t
     errors = np.array([OF_THE_MESH, OF_THE_PEAK, OF_THE_PEAK]) * np.minimum(1.0, np.abs(at.ratios - 1))
     widths = linear.bands + at.spread + errors
     relative = {YIELD: widths[1] / powers[1], BODY_YIELD: widths[2] / max(powers[0], LEAST_POWER)}
-    width = relative.get(kind, OF_THE_MESH + linear.bands[0]) + OF_THE_STEP * abs(step - 1)
+    left = abs(step - 1)
+    width = relative.get(kind, OF_THE_MESH + linear.bands[0]) + left * (OF_THE_STEP if left < CLOSE else 1.0)
     force = linear.slopes[0] * at.ratios[0] * x * step ** powers[0]
     return RangeEnd(
         x * step,

@@ -99,6 +99,21 @@ def test_numbers_of_a_drive_are_by_finite_elements(load):
     assert found[motion][0] / solved[motion] == pytest.approx(1.122, abs=0.01)
 
 
+@pytest.mark.slow
+def test_a_yield_range_by_linear_theory_is_told_apart_from_the_range(load, tmp_path):
+    """Held in the other directions, the leaves of a parallelogram stretch: the range is far below the linear one."""
+    linear = "stiffness.yield_range.analytic.x"
+    path = load(LENGTH + "step = 10.0\n", best("maximise", linear), head=head(PARALLELOGRAM, linear)).path
+    found = flexfem.run_design(path, tmp_path / "out")
+    (text,) = [each for each in found.warnings if "linear theory" in each]
+    percent = float(text.partition("differ by ")[2].partition(" %")[0])
+    made = flexfem.load(tmp_path / "out/wanted-mechanism.toml")
+    at_rest = flexfem.stiffness(made, models="analytic")
+    ends = abs(at_rest.at("range", others="held", direction="x")).min()
+    assert percent == pytest.approx(100 * (ends / at_rest.at("yield_range", direction="x")[0] - 1), abs=0.6)
+    assert percent < -30
+
+
 NECK = '[[free]]\nkey = "hinges.elbow.neck_mm"\nfrom = 0.3\nto = 0.7\n'
 
 
