@@ -132,6 +132,8 @@ def hinge_departures(joint: Joint, found: FoundPlate) -> list[str]:
     if abs(hinge.place - joint.place) > MICROMETRE or abs(math.sin(hinge.heading - joint.heading)) > PARALLEL:
         aside = (hinge.place - joint.place) * cmath.exp(-1j * joint.heading)
         return [f"{what}: {aside:.4f} off, lengths {profile.length:.4f} and {drawn.length:.4f}"]
+    if not isinstance(drawn, Tabulated):
+        return []
     x = np.linspace(-0.5, 0.5, 101) * min(profile.length, drawn.length) * (1 - 1e-9)
     heights = np.abs(profile.height(-x if backwards else x) - drawn.height(x)).max()
     if heights > 2 * MICROMETRE or abs(profile.length - drawn.length) > MICROMETRE:

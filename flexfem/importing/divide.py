@@ -142,6 +142,7 @@ def divided(edges: Edges, cuts: Sequence[Cut]) -> Divided:
     every = [*loops, *whole]
     outside = [k for k, loop in enumerate(every) if area(loop) > EMPTY]
     faces = [shapely.Polygon(polygon_points(every[k], STEP)) for k in outside]
+    shapely.prepare(faces)
     body_of = {k: NOTHING for k, loop in enumerate(every) if abs(area(loop)) <= EMPTY}
     body_of |= {k: number for number, k in enumerate(outside)}
     holes: list[list[tuple[Segment, ...]]] = [[] for _ in outside]
@@ -149,7 +150,7 @@ def divided(edges: Edges, cuts: Sequence[Cut]) -> Divided:
         if k in body_of:
             continue
         z = complex(loop[0].at(0.5))
-        inside = [n for n, face in enumerate(faces) if face.distance(shapely.Point(z.real, z.imag)) < TOUCHING]
+        inside = [n for n, face in enumerate(faces) if shapely.contains_xy(face, z.real, z.imag)]
         if not inside:
             body_of[k] = NOTHING
             continue

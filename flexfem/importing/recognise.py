@@ -28,6 +28,7 @@ STIFF_RIM = 40.0  # the same of the rim of a round hole
 OF_PLATE = 1e-6  # of its area, by which bodies and hinges may differ from a plate
 LEAST = 0.1  # mm; a plate with a narrower neck is enlarged, so that differences of a micrometre are small in it
 ON_MARK = np.linspace(0, 1, 5)  # points of a side, per length, that are on a mark
+MOST_WEAK = 60  # necks in bodies less wide, of which any can be a hinge
 MOST_FITS = 8  # of one neck that are tried
 
 
@@ -41,6 +42,9 @@ def recognise(drawing: Drawing) -> FoundPlate:
     loops = [_cyclic(loop) for loop in (drawing.outside, *drawing.holes)]
     triangles = triangles_of(loops)
     between, closing = necks_of(triangles)
+    weak = [neck for neck in between if neck.beyond <= THIN * neck.width]
+    if len(weak) > MOST_WEAK:  # a perforated plate
+        between = [neck for neck in between if neck.beyond > THIN * neck.width]
     thinnest = min((neck.width for neck in between), default=LEAST)
     scale = max(LEAST / thinnest, 1.0)
     edges = Edges([[resized(segment, scale) for segment in loop] for loop in loops])

@@ -171,7 +171,7 @@ def strip_of(ways: Ways, frame: Axis) -> Strip | None:
         return None
     left = clipped(_whole(ways.left_back, ways.left_ahead), low, high)
     right = clipped(_whole(ways.right_back, ways.right_ahead), low, high)
-    return Strip(frame, left, right, low, high)
+    return Strip(frame, left, right, low, high) if left and right else None
 
 
 def _whole(back: Way, ahead: Way) -> list[Segment]:
