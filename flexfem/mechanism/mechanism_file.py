@@ -126,6 +126,11 @@ class PlateHinge(Table):
     """Depth of each notch of an elliptical, parabolic or v-shaped hinge"""
     fillet: LengthOrZero | None = Field(default=None, alias="fillet_mm", examples=[0.5])
     """Radius of the fillets of a filleted hinge or a leaf"""
+    flush: tuple[Literal["first left", "first right", "second left", "second right"], ...] | None = Field(
+        default=None, examples=[["first right"]]
+    )
+    """Corners of a filleted hinge or a leaf that have no fillet, because the edge goes on as the side of the body: at
+    the first or the second body, seen along the direction"""
     angle: Turn | None = Field(default=None, alias="angle_deg", examples=[60.0])
     """Opening angle of the notches of a v-shaped hinge"""
     root_radius: Length | None = Field(default=None, alias="root_radius_mm", examples=[0.5])
@@ -153,7 +158,19 @@ class PlateHinge(Table):
         return {name: getattr(self, name) for name in OF_PROFILES if getattr(self, name) is not None}
 
 
-OF_PROFILES = ("neck", "length", "radius", "depth", "fillet", "angle", "root_radius", "side", "table", "smooth")
+OF_PROFILES = (
+    "neck",
+    "length",
+    "radius",
+    "depth",
+    "fillet",
+    "flush",
+    "angle",
+    "root_radius",
+    "side",
+    "table",
+    "smooth",
+)
 
 
 class Copies(Table):

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.layout import Body, Joint, Layout
 from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points, polyline
-from flexfem.mechanism.profiles import Curve, backwards, mapped
+from flexfem.mechanism.profiles import FIRST, LEFT, Curve, backwards, mapped
 from flexfem.refused import BadInput
 
 TOUCHING = 1e-3  # mm; parts at a smaller distance count as one, and their hinge would be lost
@@ -43,6 +43,7 @@ SIDES = (-1, 1)  # ends of a hinge at its first and second body
 INSIDE = np.abs(ALONG) < 0.4  # of them, away from the ends of the hinge
 LONG = 20.0  # length of a part that is narrower than the least width, per this width, above which it is no tip
 THIN = 0.25  # mean width of such a part, per least width, below which it is no tip, whose mean width is a half
+PROBE = 0.05  # of a neck, distance of a point beside a corner of a hinge that its body contains if it is wider there
 BISECTIONS = 30  # of the width that a refusal states
 PER_SQUARE_OF_HINGE, PER_SQUARE_OF_BODY = 17, 37  # triangles with 8 across the necks, see `triangles_needed`
 PER_HINGE, PER_HOLE = 2500, 330  # the same around a hinge, and a small hole among others
@@ -279,6 +280,26 @@ def _key(part: Body | Joint) -> str:
 def _common(one: shapely.Geometry, other: shapely.Geometry) -> float:
     """Return the common area, mm^2, with rounded coordinates: else GEOS finds areas of polygons that share an edge."""
     return float(shapely.area(shapely.intersection(one, other, grid_size=ROUNDED)))
+
+
+def has_sharp_corner(layout: Layout, joint: Joint) -> bool:
+    """Whether a hinge has an inner corner without a radius, in its own edge or where its edge meets a body.
+
+    There is none where the edge goes on as the side of the body, or the body is at most 5 % of the neck wider.
+    """
+    if joint.profile.sharp:
+        return True
+    for corner in joint.profile.bare_corners:
+        end, side = corner.split()
+        towards = -1 if end == FIRST else 1
+        outwards = 1 if side == LEFT else -1
+        left, right = _corners(joint, towards)
+        near = PROBE * joint.profile.neck * complex(towards, outwards)
+        beyond = _position(joint, (left if side == LEFT else right) + near)
+        body = joint.bodies[0 if end == FIRST else 1]
+        if shapely.intersects_xy(body_polygon(layout, body, refuse=False), beyond.real, beyond.imag):
+            return True
+    return False
 
 
 def joint_polygon(joint: Joint, shares: Array = ALONG) -> Any:

@@ -25,6 +25,8 @@ from flexfem.refused import BadInput
 
 SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
 LEFT, RIGHT = "left", "right"
+FIRST, SECOND = "first", "second"  # ends of a hinge, at its two bodies
+CORNERS = tuple(f"{end} {side}" for end in (FIRST, SECOND) for side in (LEFT, RIGHT))
 SIDES = (-1.0, 1.0)  # left and right edge of a section, of opposite stress; a positive moment pulls the right one
 MIDPLANE_SHEAR = 1.5 * math.sqrt(3.0)  # von Mises stress on the axis, per mean shear stress
 PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(neck * root radius)
@@ -203,6 +205,11 @@ class Profile:
     def sharp(self) -> bool:
         """Whether the edge has a sharp inner corner, at which the stress of finite elements is singular."""
         return False
+
+    @property
+    def bare_corners(self) -> tuple[str, ...]:
+        """Those of `CORNERS` at which an edge meets its body, or goes on as its side, without a fillet."""
+        return ()
 
     @property
     def symmetric(self) -> bool:
@@ -530,12 +537,18 @@ class Elliptical(Spanned):
 
 @dataclass(frozen=True)
 class Leaf(Spanned):
-    """A leaf spring of uniform height with fillets of radius `fillet` at its roots, inside its length; mm."""
+    """A leaf spring of uniform height with fillets of radius `fillet` at its roots, inside its length; mm.
+
+    flush : those of `CORNERS` that have no fillet, because the edge goes on as the side of the body.
+    """
 
     fillet: float = 0.0
+    flush: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not set(self.flush) <= set(CORNERS) or len(set(self.flush)) < len(self.flush):
+            raise BadDimension("flush", f"corners without a fillet, each once: {', '.join(CORNERS)}")
         if 2 * self.fillet >= self.span - SHORTEST:
             unit = ": is the unit of both right?" if self.fillet > self.span else ""
             raise BadDimension("fillet", f"less than half of length_mm = {self.span:g}{unit}")
@@ -545,18 +558,68 @@ class Leaf(Spanned):
         straight, centre = Segment(y, half - r + y), half - r + y + 1j * r
         return [straight, Segment(centre - 1j * r, centre + r, centre)] if r > SHORTEST else [straight]
 
+    def _filleted(self, end: str, side: str) -> bool:
+        return self.fillet > SHORTEST and self.side in (None, side) and f"{end} {side}" not in self.flush
+
     @property
-    def sharp(self) -> bool:
-        return self.fillet <= SHORTEST
+    def bare_corners(self) -> tuple[str, ...]:
+        return tuple(corner for corner in CORNERS if not self._filleted(*corner.split()))
+
+    @property
+    def symmetric(self) -> bool:
+        return all(self._filleted(end, LEFT) == self._filleted(end, RIGHT) for end in (FIRST, SECOND))
+
+    @property
+    def even(self) -> bool:
+        turned = ((FIRST, LEFT), (SECOND, RIGHT)), ((FIRST, RIGHT), (SECOND, LEFT))
+        return all(self._filleted(*one) == self._filleted(*other) for one, other in turned)
+
+    @property
+    def mirrored(self) -> Leaf:
+        other = {LEFT: RIGHT, RIGHT: LEFT}
+        corners = (corner.split() for corner in self.flush)
+        flush = tuple(f"{end} {other[side]}" for end, side in corners)
+        return replace(self, side=self.side and other[self.side], flush=flush)
+
+    def _rise(self, x: Array, side: str) -> Array:
+        """Rise (...) of an edge by its fillets at positions x (...), mm."""
+        into = np.clip(np.abs(x) - (self.span / 2 - self.fillet), 0.0, self.fillet)
+        rise = into**2 / (self.fillet + np.sqrt(self.fillet**2 - into**2)) if self.fillet else into
+        return np.asarray(rise * np.where(x < 0, self._filleted(FIRST, side), self._filleted(SECOND, side)))
+
+    def height(self, x: Array) -> Array:
+        if not self.flush:
+            return super().height(x)
+        return np.asarray(self.neck + self._rise(x, LEFT) + self._rise(x, RIGHT))
+
+    def middle(self, x: Array) -> Array:
+        if not self.flush:
+            return super().middle(x)
+        return np.asarray((self._rise(x, LEFT) - self._rise(x, RIGHT)) / 2)
+
+    def edges(self) -> tuple[list[Curve], list[Curve]]:
+        if not self.flush:
+            return super().edges()
+        return self._edge(LEFT), _mirror_image(self._edge(RIGHT))
+
+    def _edge(self, side: str) -> list[Curve]:
+        """Return the left edge, or the mirror image of the right one."""
+        filleted = self.half()
+        straight = list[Curve](polyline(0.5j * self.neck, self.span / 2 + 0.5j * self.neck))
+        first, second = (filleted if self._filleted(end, side) else straight for end in (FIRST, SECOND))
+        return [backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(first)] + second
 
     def concentration(self, x: Array, edge: float) -> Concentration:
         """Return the concentration (n,) at fillets, `shoulder`; one at straight parts and edges and at sharp roots."""
-        flat = RIGHT if edge < 0 else LEFT
-        if self.fillet <= SHORTEST or self.side == flat:
-            return Concentration(*np.ones(3))
-        in_fillet = np.abs(x) >= self.span / 2 - self.fillet - SHORTEST
-        factors = shoulder(self.neck / self.fillet, self.side is not None)
-        tension, bending = (np.where(in_fillet, K, 1.0) for K in factors)
+        side, opposite = (LEFT, RIGHT) if edge < 0 else (RIGHT, LEFT)
+        tension, bending = np.ones((2, *np.shape(x)))
+        for end, outwards in ((FIRST, -1), (SECOND, 1)):
+            if self._filleted(end, side):
+                in_fillet = outwards * x >= self.span / 2 - self.fillet - SHORTEST
+                factors = shoulder(self.neck / self.fillet, not self._filleted(end, opposite))
+                tension, bending = (
+                    np.where(in_fillet, K, before) for K, before in zip(factors, (tension, bending), strict=True)
+                )
         return Concentration(bending, tension, bending)
 
     def _sizes(self, resolution: float) -> list[Refinement]:
@@ -567,12 +630,15 @@ class Leaf(Spanned):
             corners = _quadruple(half + 0.5j * t)
             found.append(((complex(-half), complex(half)), t / resolution, t))
             return found + [(corners, t / resolution / 2**k, t / 2 ** (k + 1)) for k in (1, 2, 3)]
-        for points, size, reach in self._levels(half - r, r, resolution, (1,)):
+        lower = 1 if self.height(np.array(half)) <= self.height(np.array(-half)) else -1
+        for points, size, reach in self._levels(lower * (half - r), r, resolution, (lower,)):
             found.append(((*points, *(-z for z in points)), size, max(reach, t)))
         if STUBBY * r < t:
             rise = r * (1 - math.sqrt(0.5))
-            arc = half - rise + 1j * (t + self._notches * rise) / 2
-            found.append((_quadruple(arc), min(t, ARC * r) / resolution, 0.8 * r))
+            arcs = _quadruple(half - rise + 1j * (t + self._notches * rise) / 2)
+            if self.flush:
+                arcs = tuple(complex(z.real, np.sign(z.imag) * self.height(np.array(z.real)) / 2) for z in arcs)
+            found.append((arcs, min(t, ARC * r) / resolution, 0.8 * r))
         return found
 
 
@@ -905,9 +971,9 @@ def profile_of(shape: str, dimensions: Mapping[str, Any]) -> Profile:
     """Return the profile of a shape with dimensions by key, mm and rad. Raises BadDimension, with the key.
 
     The keys are radius and neck of a circular hinge; length, depth and neck of an elliptical or parabolic one; length,
-    neck and perhaps fillet of a leaf, which is the filleted one; angle, root_radius, depth and neck of a v; table, rows
-    of position and height or of position, left and right edge, and perhaps smooth of a profile; perhaps side, "left" or
-    "right", of any but a profile.
+    neck and perhaps fillet and flush corners of a leaf, which is the filleted one; angle, root_radius, depth and neck
+    of a v; table, rows of position and height or of position, left and right edge, and perhaps smooth of a profile;
+    perhaps side, "left" or "right", of any but a profile.
     """
     if shape not in SHAPES:
         raise BadDimension("shape", f"one of {', '.join(SHAPES)}")
@@ -918,6 +984,8 @@ def profile_of(shape: str, dimensions: Mapping[str, Any]) -> Profile:
         if each.default is MISSING and key not in dimensions:
             raise BadDimension(key, f"this dimension of shape {shape!r}")
     values = {known[key].name: value for key, value in dimensions.items()}
+    if "flush" in values:
+        values["flush"] = tuple(values["flush"])
     if "table" in values:
         values["table"] = tuple(tuple(map(float, row)) for row in values["table"])
     return SHAPES[shape](**values)

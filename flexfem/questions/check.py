@@ -282,6 +282,8 @@ def _profile(joint: Joint, names: list[str], shape: str) -> PlacedProfile:
         others.append(f"{len(own['table'])} rows joined by {'a smooth curve' if own['smooth'] else 'straight lines'}")
     if profile.side:
         others.append(f"on the {profile.side} side")
+    if own.get("flush"):
+        others.append(f"flush {', '.join(own['flush'])}")
     between, direction = " - ".join(names[body] for body in joint.bodies), np.rad2deg(joint.heading) % 360.0
     size = (_rounded(profile.length), _rounded(profile.neck), ", ".join(others))
     return PlacedProfile(joint.name, between, shape, *size, _place(joint.place), _rounded(direction))

@@ -39,6 +39,7 @@ from flexfem.files.tables import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.plate import has_sharp_corner
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, printed
 from flexfem.results import AXES, SOLID, About, Progress, Result
@@ -388,7 +389,7 @@ def answer(
 
 def sharp_roots(layout: Layout) -> list[str]:
     """Warn of hinges with sharp inner corners, where stress and strain by finite elements are singular."""
-    sharp = [joint.name for joint in layout.joints if joint.profile.sharp]
+    sharp = [joint.name for joint in layout.joints if has_sharp_corner(layout, joint)]
     named = ", ".join(sharp[:3]) + f" and {len(sharp) - 3} more" * (len(sharp) > 3)
     return [
         f"hinges with sharp inner corners ({named}): stress and strain of finite elements there grow without limit as "

@@ -19,7 +19,7 @@ from flexfem.fem.plate_mesh import mesh_layout, plate_contours, symmetry_of
 from flexfem.fem.ports import plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import Segment, area, disc, polyline, reverse
-from flexfem.mechanism.plate import check_layout, end_lines, joint_polygon
+from flexfem.mechanism.plate import check_layout, end_lines, has_sharp_corner, joint_polygon
 from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, Tabulated, profile_of
 from flexfem.refused import BadInput, ComputationFailed
 
@@ -546,3 +546,29 @@ def test_finite_elements_of_an_unsymmetric_hinge_couple_as_its_beam(shape):
     assert np.diag(found[0])[2] == pytest.approx(beam[2, 2], rel=BEAM)
     assert found[0][0, 2] == pytest.approx(beam[0, 2], rel=BEAM)
     assert found[1][0, 2] == pytest.approx(-found[0][0, 2], rel=COARSE_MESH)
+
+
+def flush_leaf(profile, widened=0.0):
+    """A leaf along x whose right edge is the lower side of the ground, and of the stage unless this is wider."""
+    ground, stage = box(-20, -0.25, -6, 6), box(6, -0.25 - widened, 20, 6)
+    bodies = [Body("ground", ground, fixed=True), Body("stage", stage)]
+    return layout_of(bodies, [Joint("leaf", (0, 1), 0j, 0.0, profile, 3.0)])
+
+
+def test_a_flush_leaf_is_meshed_without_a_fillet_there_and_has_no_sharp_corner():
+    """Areas by hand: both bodies, the leaf, and fillets of r^2 (1 - pi / 4) at the corners that have one."""
+    fillet = 0.64 * (1 - np.pi / 4)
+    for profile, fillets in ((Leaf(0.5, 12.0, 0.8, side="left"), 2), (Leaf(0.5, 12.0, 0.8, flush=("first right",)), 3)):
+        layout = flush_leaf(profile, 1.5 * (fillets - 2))
+        check_layout(layout)
+        expected = 14 * 6.25 + 14 * (6.25 + 1.5 * (fillets - 2)) + 12 * 0.5 + fillets * fillet
+        assert area_of(mesh_layout(layout, 3), 0, 1, 2) == pytest.approx(expected, rel=PARABOLAS)
+        assert not has_sharp_corner(layout, layout.joints[0])
+    wider = flush_leaf(Leaf(0.5, 12.0, 0.8, side="left"), 0.5)
+    assert has_sharp_corner(wider, wider.joints[0])
+    bare = flush_leaf(Leaf(0.5, 12.0))
+    assert has_sharp_corner(bare, bare.joints[0])
+    strip = layout_of(
+        [Body("ground", box(-20, -0.25, -6, 0.25), fixed=True), Body("stage", box(6, -0.25, 20, 0.25))], bare.joints
+    )
+    assert not has_sharp_corner(strip, strip.joints[0])
