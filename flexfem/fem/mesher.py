@@ -36,6 +36,7 @@ from flexfem.sources import child_command
 SAME_POINT = 1e-7  # mm; each face computes the points that it shares with others
 TRIANGLE, EDGE = (9, 6), (8, 3)  # gmsh types of quadratic elements and their nodes
 CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
+SECTION_ERROR = 2e-5  # mm; the same for a solid that another program wrote
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
 DIVIDING = "dividing"  # label of lines between sectors, or halves, of parts that a symmetry takes into themselves
 SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
@@ -464,8 +465,8 @@ def contours_of(job: PlateContours) -> list[list[Segment]]:
         return _contours(gmsh.model, union)
 
 
-def _contours(model: Any, faces: Sequence[tuple[int, int]]) -> list[list[Segment]]:
-    """Return the contours of plane faces, as `contours_of`."""
+def _contours(model: Any, faces: Sequence[tuple[int, int]], most: float = CURVE_ERROR) -> list[list[Segment]]:
+    """Return the contours of plane faces, as `contours_of`, arcs within `most`, mm, of other curves."""
     contours = list[list[Segment]]()
     for _, face in faces:
         loops = list[list[Segment]]()
@@ -476,7 +477,7 @@ def _contours(model: Any, faces: Sequence[tuple[int, int]]) -> list[list[Segment
                 tag = next(t for t, pair in ends.items() if at in pair)
                 first, *last = ends.pop(tag)
                 forwards = at == first
-                loop += _arcs(model, tag) if forwards else reverse(_arcs(model, tag))
+                loop += _arcs(model, tag, most) if forwards else reverse(_arcs(model, tag, most))
                 at = last[0] if forwards and last else first
             loops.append(loop)
         loops.sort(key=lambda loop: -abs(area(loop)))
@@ -484,7 +485,7 @@ def _contours(model: Any, faces: Sequence[tuple[int, int]]) -> list[list[Segment
     return contours
 
 
-def _arcs(model: Any, tag: int) -> list[Segment]:
+def _arcs(model: Any, tag: int, most: float) -> list[Segment]:
     """Return a curve as lines and arcs from its start to its end."""
     (low,), (high,) = model.getParametrizationBounds(1, tag)
 
@@ -502,7 +503,7 @@ def _arcs(model: Any, tag: int) -> list[Segment]:
             n = int(np.ceil((high - low) / LONGEST_TURN))
             return [Segment(a, b, complex(centre)) for a, b in pairwise(at(np.arange(n + 1) / n).tolist())]
     n, error = 4, np.inf
-    while error > CURVE_ERROR and n < 1000:
+    while error > most and n < 1000:
         points = at(np.arange(4 * n + 1) / (4 * n))
         a, u, v = points[:-1:4], points[2::4] - points[:-1:4], points[4::4] - points[:-1:4]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -548,7 +549,7 @@ def section_of(job: SolidSection) -> FoundSection:
         box = kernel.addRectangle(low[0] - 1, low[1] - 1, 0.0, *(high - low + 2)[:2])
         section = kernel.intersect([(2, box)], [solid])[0]
         kernel.synchronize()
-        contours = _contours(gmsh.model, [each for each in section if each[0] == 2])
+        contours = _contours(gmsh.model, [each for each in section if each[0] == 2], SECTION_ERROR)
         curves = [tag for dim, tag in gmsh.model.getEntities(1)]
         exact = all(gmsh.model.getType(1, tag) in ("Line", "Circle") for tag in curves)
         thickness = sides.high - sides.low

@@ -94,7 +94,7 @@ class Shapes:
 
     def near(self, points: AnyArray, distance: float) -> tuple[AnyArray, AnyArray]:
         """Indices of points, and of segments whose boxes are within a distance of them."""
-        at = np.atleast_1d(shapely.points(points.real, points.imag))
+        at = np.array([*map(shapely.Point, points.real, points.imag)], dtype=object)
         found = [np.empty((2, 0), dtype=int)]
         number = 0
         for first in range(0, len(at), AT_ONCE):

@@ -6,7 +6,7 @@ from collections import Counter
 from itertools import groupby
 from pathlib import Path
 
-from flexfem.fem.mesher import FoundSection, MeshTimeout, SolidSection, run_mesher
+from flexfem.fem.mesher import SECTION_ERROR, FoundSection, MeshTimeout, SolidSection, run_mesher
 from flexfem.importing.curves import Contents, DrawnCurve
 from flexfem.importing.units import DrawingUnit
 from flexfem.refused import BadInput, ComputationFailed, printed, text_of
@@ -14,7 +14,6 @@ from flexfem.refused import BadInput, ComputationFailed, printed, text_of
 TIME_LIMIT = 30.0  # s
 LARGEST_FILE = 50_000_000  # bytes
 LEFT_OUT = 0.05  # most of the volume that other faces than those of a plate may change
-SECTION_ERROR = 1e-4  # mm, of arcs in place of other curves
 NAMED = 12  # solids in a message
 
 
