@@ -169,3 +169,16 @@ def test_stiffness_of_a_parallelogram_by_hinges_is_that_of_the_whole_plate(tmp_p
         right, its_band = (part(quantity, model="three dimensions") for part in (whole.at, whole.band))
         assert np.all(np.abs(value - right) <= band + its_band)
         assert np.all(band < 0.02 * value)
+
+
+@pytest.mark.slow
+def test_ends_of_hinges_contract_by_the_share_of_their_height():
+    """The ends are 0.4 + 2 * 0.3 = 1 mm high, and the plate is twelve times as thick: 0.4 of the way to free ends."""
+    best, contracting, *_ = thickness_of(leaf(12.0))
+    found = solved_leaf(12.0)
+    change = (best.solid.hinges - best.plane.hinges)[0]
+    way = found.loose - found.change
+    np.testing.assert_allclose(np.diag(change - found.change), 0.4 * np.diag(way), rtol=1e-6)
+    np.testing.assert_allclose(
+        np.diag((contracting.solid.hinges - best.solid.hinges)[0]), 0.3 * np.diag(way), rtol=1e-6
+    )
