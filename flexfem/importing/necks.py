@@ -210,8 +210,11 @@ class _Parts:
         self.of[narrower] = wider
 
 
-def necks_of(found: Triangles) -> tuple[list[Neck], list[Neck]]:
-    """Return the chords in hinges between two bodies, and those in narrow places between a body and itself."""
+def necks_of(found: Triangles, narrower: float = NARROWER) -> tuple[list[Neck], list[Neck]]:
+    """Return the chords in hinges between two bodies, and those in narrow places between a body and itself.
+
+    narrower : width of the narrower of two parts per width of the chord between them, from which they are two bodies.
+    """
     widest = np.zeros(len(found.corners))
     for side in found.beside.T:
         np.maximum.at(widest, side, found.lengths)
@@ -220,7 +223,7 @@ def necks_of(found: Triangles) -> tuple[list[Neck], list[Neck]]:
     for chord in np.argsort(-found.lengths).tolist():
         one, other = map(parts.find, beside[chord])
         beyond = min(parts.widest[one], parts.widest[other])
-        if beyond > NARROWER * lengths[chord]:
+        if beyond > narrower * lengths[chord]:
             (closing if one == other else between).append(_neck(found, chord, beyond))
         elif one != other:
             parts.join(one, other)

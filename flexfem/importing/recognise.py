@@ -44,7 +44,7 @@ def recognise(drawing: Drawing) -> FoundPlate:
     between, closing = necks_of(triangles)
     weak = [neck for neck in between if neck.beyond <= THIN * neck.width]
     if len(weak) > MOST_WEAK:  # a perforated plate
-        between = [neck for neck in between if neck.beyond > THIN * neck.width]
+        between, closing = necks_of(triangles, THIN)
     thinnest = min((neck.width for neck in between), default=LEAST)
     scale = max(LEAST / thinnest, 1.0)
     edges = Edges([[resized(segment, scale) for segment in loop] for loop in loops])
