@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.fem.ports import plate_modes
 from flexfem.questions import plates
 
 E, NU = 70_000.0, 0.29  # MPa
@@ -73,25 +72,3 @@ def test_the_summary_has_the_stiffness_out_of_the_plane():
 def test_a_plane_model_has_no_stiffness_out_of_the_plane(options):
     with pytest.raises(flexfem.BadInput, match="out_of_plane, expected finite elements in three dimensions"):
         flexfem.stiffness(leaf(), out_of_plane=True, **options)
-
-
-@pytest.mark.slow
-def test_the_band_of_a_frequency_out_of_the_plane_contains_that_of_a_finer_mesh_in_a_thin_plate():
-    """Where the plate is thinner than its leaves, a coarse mesh in the plane is farther off."""
-    thin = flexfem.Mechanism(
-        name="thin", thickness=0.8, material={"name": "al-7075-t6"},
-        body=[
-            {"name": "stage", "outline": [(-12, -3), (12, -3), (12, 3), (-12, 3)]},
-            {"name": "base", "outline": [(-12, -30), (12, -30), (12, -23), (-12, -23)], "fixed": True},
-        ],
-        hinge=[
-            {"name": f"hinge {x}", "between": ("base", "stage"), "at": (x, -13), "direction": np.pi / 2,
-             "shape": "parabolic", "neck": 0.8, "depth": 2.0, "length": 20.0} for x in (-8, 8)
-        ],
-        output={"body": "stage", "at": (0, 0)},
-    )  # fmt: skip
-    found = plates.lifted(thin)
-    finer = plates.factorised(thin, 5, 2, lifting=True)
-    frequency = float(plate_modes(finer, 1).frequencies[0])
-    error = abs(found.frequency - frequency)
-    assert 2e-3 * frequency < error < found.frequency_band
