@@ -100,9 +100,9 @@ def hinge_ends(joints: Sequence[Joint], body: int) -> list[HingeEnd]:
 def vertices_of(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Vertex]:
     """Return the corners of a closed loop: lines and arcs joined where they continue, and fillets as such."""
     long = [(index, segment) for index, segment in enumerate(loop) if segment.length > SLIVER]
-    before = [segment.end for _, segment in (long[-1], *long[:-1])]
+    starts = [segment.end for _, segment in (long[-1], *long[:-1])]
     sides = [
-        _side(segment._replace(start=start), index, ends) for start, (index, segment) in zip(before, long, strict=True)
+        _side(segment._replace(start=start), index, ends) for start, (index, segment) in zip(starts, long, strict=True)
     ]
     joined = list[Side]()
     for side in sides:

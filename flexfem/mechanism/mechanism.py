@@ -6,6 +6,7 @@ import cmath
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
@@ -33,6 +34,7 @@ from flexfem.mechanism.mechanism_file import (
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
 from flexfem.mechanism.plate_file import PlateFile, located, read_plate
 from flexfem.mechanism.profiles import BadDimension, profile_of
+from flexfem.mechanism.scans import with_scanned_tables
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.mechanism.stage_file import Frame
 from flexfem.refused import BadInput
@@ -167,7 +169,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 def read_mechanism(path: PathLike) -> Mechanism:
     """Read a mechanism file whose bodies and hinges need not fit together. Raises BadInput as `load_mechanism`."""
-    mechanism = read_plate(Mechanism, path)
+    mechanism = read_plate(Mechanism, path, partial(with_scanned_tables, path))
     _ = mechanism.layout
     return mechanism
 

@@ -142,7 +142,8 @@ class PlateHinge(Table):
         default=None, alias="table_mm", examples=[[[0.0, 4.0], [2.0, 0.5], [4.0, 4.0]]]
     )
     """Rows of ascending position along the axis and height of a `profile`, or of position and distances of the left and
-    the right edge from the axis; at least three, joined by straight lines. Their middle is the centre"""
+    the right edge from the axis; at least three, joined by straight lines. Their middle is the centre. Instead,
+    `table_csv` names a CSV file with measured points of both edges: columns edge (left or right), x_mm and y_mm"""
     smooth: bool | None = Field(default=None, examples=[True])
     """Whether smooth curves, monotone cubics, join the rows of `table_mm` instead of straight lines"""
     cut: Length | None = Field(default=None, alias="cut_mm", examples=[12.0])

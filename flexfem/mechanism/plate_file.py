@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self, TypeVar
@@ -267,12 +267,19 @@ def located(plate: PlateFile) -> Iterator[None]:
 Plate = TypeVar("Plate", bound=PlateFile)
 
 
-def read_plate(model: type[Plate], path: PathLike) -> Plate:
+def read_plate(model: type[Plate], path: PathLike, completed: Callable[[Any], Any] | None = None) -> Plate:
     """Read a file of a plate, with the material of another file, and note where it came from.
+
+    completed : adds the content of further files.
 
     Raises BadInput as `validate`.
     """
-    plate = validate(model, path, lambda data: with_material_of_file(path, in_millimetres(path, data)))
+
+    def whole(data: dict[str, Any]) -> dict[str, Any]:
+        found = with_material_of_file(path, in_millimetres(path, data))
+        return found if completed is None else dict(completed(found))
+
+    plate = validate(model, path, whole)
     plate.__dict__["origin"] = Origin(os.fspath(path))
     return plate
 
