@@ -199,7 +199,7 @@ def test_thick_walls_of_a_frame_around_thin_leaves_are_no_hinges():
 
 def test_a_part_ten_thousand_times_smaller_has_the_same_hinges():
     small = [
-        Segment(1e-3 * s.start, 1e-3 * s.end)
+        Segment(1e-4 * s.start, 1e-4 * s.end)
         for s in bodies_with(-15 - 2j, -3 - 2j, -3 - 0.2j, 3 - 0.2j, 3 - 2j, 15 - 2j)
     ]
     (hinge,) = recognise(drawn(small)).hinges
