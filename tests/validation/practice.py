@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FILES = Path(__file__).parent / "mechanisms"
-PLANE = "finite elements"  # label of plane stress among the models of a result
+PLANE = "finite elements"  # label of the plane ones among the models of a result
 SOLID = "three dimensions"
 NORMAL_TO_ARM = (0.342, 0.9397)  # unit vector, normal to the end face of the arm of both legs
 OWN = "an independent mesh of second-order triangles in plane stress"
@@ -156,6 +156,36 @@ def resonator() -> list[Finding]:
         Finding("the same, closed form (Hz)", 14989.0, first, 300.0, 225.0, size, massless, band),
         Finding("with residual stress, closed form (Hz)", 33_080.0, higher, 1500.0, 1000.0, size, shape, higher_band),
     ]
+
+
+@problem(
+    "A tendon finger",
+    "leaves between links of another, stiff material, turned together",
+    "dimensions: public repository Compliant-Mechanisms-Study, Finger_Sim_FreeCAD.py; target: its closed form, one "
+    "spring a joint with E I / L, exact for rigid links under a moment",
+    mechanism="tpu-finger",
+)
+def tendon_finger() -> list[Finding]:
+    """The rotation of the last link under a moment of 10 N mm."""
+    finger = mechanism("tpu-finger", plane=True)
+    found = flexfem.stiffness(finger, models="analytic", force=(0.0, 0.0, 10.0))
+    turned = float(found.at("pose", model="analytic", point="output", direction="theta"))
+    return [Finding("rotation of the tip (rad)", 0.8144, turned, 0.002, 0.0005, 3)]
+
+
+@problem(
+    "A scanned neck",
+    "a hinge whose two edges differ and are shifted",
+    "dimensions: public repository FlexureWidth, Data/Batch 1/flexure1.dat; target: Paros and Weisbord, "
+    "2 E b t^2.5 / (9 pi sqrt(R)), with the mean curvature of both circles, in plane strain",
+    slow=True,
+    mechanism="scanned-neck",
+)
+def scanned_neck() -> list[Finding]:
+    """The rotational stiffness of a neck of 15 um."""
+    found = flexfem.stiffness(mechanism("scanned-neck"), force=(0.0, 0.0, 1e-3))
+    stiffness, band = stated(found, "free", model=PLANE, direction="theta")
+    return [Finding("stiffness, theta (N mm/rad)", 1.493, stiffness, 0.015, 0.01, unknowns(found), "", band)]
 
 
 @problem(
