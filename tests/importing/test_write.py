@@ -95,6 +95,7 @@ def test_a_turned_guide_is_written_exactly_and_stays_closed_when_a_leaf_changes(
     assert dict(written.parameters) == {"length_mm": 21.0, "neck_mm": 0.37, "fillet_mm": 0.6}
     assert [hinge.name for hinge in written.hinge] == ["leaf"] and len(written.layout.joints) == 2
     assert same(stiffness_of(written), stiffness_of(mechanism))
+    written.replace(parameters={"length_mm": 18.0})  # refuses a leaf that ends before its bodies
     longer = written.replace(parameters={"length_mm": 25.0, "neck_mm": 0.41})
     along = np.array([math.cos(math.radians(30)), math.sin(math.radians(30))])
     compliance = np.linalg.inv(stiffness_of(longer)[0])[:2, :2]
