@@ -11,8 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from flexfem.files.refusals import as_toml
 from flexfem.mechanism.layout import Joint
 from flexfem.mechanism.outlines import SHORTEST, Segment
@@ -244,7 +242,8 @@ def _line(side: Side) -> tuple[complex, complex] | None:
     if not side.ends:
         return side.start, side.end - side.start
     first = side.ends[0]
-    level = float(np.mean([(end.middle * first.outwards.conjugate()).real for end in side.ends]))
+    corners = [corner for end in side.ends for corner in end.corners]
+    level = min((corner * first.outwards.conjugate()).real for corner in corners)  # reaches all; hinges cut the rest
     foot = first.outwards * complex(level, (first.middle * first.outwards.conjugate()).imag)
     return foot, 1j * first.outwards
 
