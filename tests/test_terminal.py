@@ -185,7 +185,7 @@ def test_what_a_library_makes_of_a_stop_is_not_what_is_said(flexfem, monkeypatch
         except KeyboardInterrupt:
             raise ImportError("cannot load half of it") from None
 
-    monkeypatch.setattr("flexfem.mechanism.mechanism.load", load)
+    monkeypatch.setattr("flexfem.importing.drawings.load", load)
     assert flexfem("check", STAGE) == (143, "", "flexfem: stopped\n")
 
 

@@ -111,7 +111,8 @@ def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) 
 def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = DEGREE) -> Array:
     """Nodal forces (n, 2), N, of a force per volume, N/mm^3, at the points (..., 2)."""
     total = np.zeros_like(mesh.nodes)
-    for triangles, _, weights, N in integration(mesh, degree):
+    for batch in integration(mesh, degree):
+        triangles, weights, N = batch.triangles, batch.weights, batch.phi
         points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         nodal = np.einsum("eqd,eq,iq->eid", density(points), plate.thickness * weights, N)
         np.add.at(total, triangles, nodal)
@@ -140,7 +141,8 @@ def errors(
     `gradient` None leaves its error nan.
     """
     found, scale = np.zeros(3), np.zeros(3)
-    for triangles, gradients, weights, N in integration(mesh, degree):
+    for batch in integration(mesh, degree):
+        triangles, gradients, weights, N = batch.triangles, batch.gradients, batch.weights, batch.phi
         points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         slopes = np.einsum("eia,eibq->eabq", field[triangles], gradients, optimize=True)
         ours = [np.einsum("eia,iq->eqa", field[triangles], N), slopes, stress_tensor(plate, slopes)]

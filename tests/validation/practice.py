@@ -301,7 +301,7 @@ def accelerometer() -> list[Finding]:
 )
 def vee() -> list[Finding]:
     """The rotational stiffness of a V given by a table."""
-    found = flexfem.stiffness(mechanism("vee"), models="analytic")
+    found = flexfem.stiffness(mechanism("vee", plane=True), models="analytic")
     stiffness = float(found.at("free", model="analytic", direction="theta"))
     return [Finding("stiffness, theta (N mm/rad)", 61_457.142857, stiffness, 1e-3, 0.0, 3)]
 

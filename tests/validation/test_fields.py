@@ -64,7 +64,8 @@ def test_quadrature_points_are_those_of_the_gradients() -> None:
     """A quadratic field on straight triangles has its exact gradient at every point, in the points' own order."""
     mesh = on_chords(mapped(3, 2, lambda u, v: np.stack([2.3 * u + 0.4 * v, 1.1 * v], axis=-1)))
     x, y = mesh.nodes.T
-    for triangles, gradients, _, N in integration(mesh, 8):
+    for batch in integration(mesh, 8):
+        triangles, gradients, N = batch.triangles, batch.gradients, batch.phi
         points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         found = np.einsum("ei,eibq->eqb", (x**2 - 3 * x * y)[triangles], gradients)
         px, py = np.moveaxis(points, -1, 0)
