@@ -212,7 +212,7 @@ class MechanismSummary(Summary, mechanism=True):
     stiffness = replace(Summary.stiffness, compared=False)
 
 
-@setup.options(not_for="analytic", only_for="plane force_at tangent out_of_plane force_out_of_plane")
+@setup.options(not_for="analytic", only_for="plane force_at tangent out_of_plane force_out_of_plane no_limits")
 def stiffness(
     stage: Stage | Mechanism,
     *,
@@ -224,6 +224,7 @@ def stiffness(
     tangent: bool = False,
     out_of_plane: bool = False,
     force_out_of_plane: tuple[float, float, float] | None = None,
+    no_limits: bool = False,
     resolution: int | None = None,
     solid: bool = False,
     thickness_resolution: int | None = None,
@@ -248,6 +249,9 @@ def stiffness(
     force_out_of_plane : tuple of float, optional
         Load on the output of a mechanism out of the plane, whose displacement is computed: force along z and moments
         about x and y, N, N mm, N mm.
+    no_limits : bool
+        Leave out buckling loads and the range at finite displacement of a mechanism, which take most of the time of the
+        analytic model.
     {shared}
 
     Notes
@@ -294,8 +298,10 @@ def stiffness(
             found = _with_bounds(stage, mesh, found)
         parts += [_of_stage(stage, mesh, network), _under_load(stage, found), _of_motions(stage, found)]
     else:
-        parts += [_soft_bodies(found), _buckling(stage, found), _body_yields(stage, mesh, found)]
-        parts += [_ranges(stage, mesh, found), _under_load(stage, found), _beyond_linear(stage, found, load)]
+        parts += [_soft_bodies(found), _body_yields(stage, mesh, found)]
+        if not no_limits:
+            parts += [_buckling(stage, found), _ranges(stage, mesh, found)]
+        parts += [_under_load(stage, found), _beyond_linear(stage, found, load)]
         if is_lifted:
             parts.append(_lifted(stage, force_out_of_plane))
     last = list(found.values())[-1].values

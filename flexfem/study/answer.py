@@ -151,6 +151,9 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     return with_warnings(loaded, values, Rows(status, reason, outputs))
 
 
+LIMITS = ("stiffness.range", "stiffness.buckling_load")  # numbers that take most of the time of the analytic model
+
+
 class NoSuchNumber(BadInput):
     """A study requests a number that no result about the stage has."""
 
@@ -171,6 +174,8 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> Array:
         settings["resolution"] = study.resolution
     if study.model == "three_dimensional":
         settings |= {"solid": True, "thickness_resolution": study.layers}
+    if study.on_mechanism and not any(path.startswith(LIMITS) for path in study.ask):
+        settings["no_limits"] = True
     for name in dict.fromkeys(path.split(".")[0] for path in study.ask):
         question = getattr(flexfem, name)
         parameters = inspect.signature(question).parameters

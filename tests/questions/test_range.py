@@ -159,3 +159,15 @@ def test_a_range_without_an_equilibrium_near_its_limit_leaves_the_other_answers(
     monkeypatch.setattr(stiffness, "ranges", refused)
     found = flexfem.stiffness(mechanism, models="analytic")
     assert "range" not in found.values and "no range at finite displacements: no equilibrium" in found.warnings
+
+
+def test_without_limits_the_stiffness_is_the_same_and_no_range_is_followed(monkeypatch):
+    """Studies of numbers at rest must not pay for the range of each design."""
+    plate = flexfem.load(ROOT / "geometry/parallelogram.toml")
+    whole = flexfem.stiffness(plate, models="analytic")
+    monkeypatch.setattr(ranges, "DrivenPlate", None)
+    alone = flexfem.stiffness(plate, models="analytic", no_limits=True)
+    assert {"range", "range_force", "buckling_load"} <= set(whole.values)
+    assert not {"range", "range_force", "buckling_load"} & set(alone.values)
+    np.testing.assert_array_equal(alone.free, whole.free)
+    np.testing.assert_array_equal(alone.stress, whole.stress)

@@ -103,3 +103,29 @@ def test_a_parameter_that_a_mechanism_does_not_use_is_named_in_studies_of_both_m
         loaded = load_study(tmp_path / "s.toml")
         (said,) = factor_warnings(loaded, changed_outputs(loaded))
         assert said.startswith(f"factor parameters.unused_mm changes none of stiffness.free.{label}.x")
+
+
+def test_a_study_of_numbers_at_rest_follows_no_range_and_one_of_ranges_does(tmp_path, monkeypatch) -> None:
+    """The range of a design takes 30 times as long as its stiffness."""
+    flexfem.new_stage(tmp_path / "guide.toml", kind="parallelogram")
+    text = """name = "leaves"
+stage = "guide.toml"
+model = "analytic"
+ask = ["stiffness.free.analytic.x"ASKED]
+[sampling]
+method = "monte_carlo"
+designs = 2
+seed = 4
+[[factor]]
+key = "parameters.neck_mm"
+from = 0.4
+to = 0.6
+"""
+    found = dict[str, np.ndarray]()
+    for name, asked in (("rest", ""), ("range", ', "stiffness.range.free.negative.x"')):
+        (tmp_path / f"{name}.toml").write_text(text.replace("ASKED", asked))
+        found[name] = answer(load_study(tmp_path / f"{name}.toml"), 0, 2).values
+    assert found["range"].shape[1] > found["rest"].shape[1]
+    np.testing.assert_array_equal(found["range"][:, : found["rest"].shape[1]], found["rest"])
+    monkeypatch.setattr("flexfem.questions.ranges.DrivenPlate", None)
+    np.testing.assert_array_equal(answer(load_study(tmp_path / "rest.toml"), 0, 2).values, found["rest"])
