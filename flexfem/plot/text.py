@@ -60,15 +60,22 @@ def round_factor(limit: float) -> float:
 
 
 def assumption_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
-    """Note of figures and pages on keys that are assumed or have no source; empty without such keys.
-
-    Keys of a case file begin with `case: `; if there are no others, the note is on commands, not on dimensions.
-    """
+    """Note of figures and pages on keys that are assumed or have no source; empty without such keys."""
     notes = []
-    for template, keys in (("assumed {}", assumed), ("{} without a source", not_stated)):
-        if keys:
-            notes.append(template.format("commands" if all(key.startswith("case: ") for key in keys) else "dimensions"))
+    if assumed:
+        notes.append(f"assumed {_subject(assumed)}")
+    if not_stated:
+        notes.append(f"{_subject(not_stated)} without a source")
     return "; ".join(notes)
+
+
+def _subject(keys: Sequence[str]) -> str:
+    """Return what keys are about: commands of a case file (`case: `), what bodies are for, or else dimensions."""
+    if all(key.startswith("case: ") for key in keys):
+        return "commands"
+    if all(key.startswith("output.") or key.endswith((".fixed", ".clamped_edges")) for key in keys):
+        return "ground or output"
+    return "dimensions"
 
 
 def markdown_report(results: Sequence[Verification]) -> str:

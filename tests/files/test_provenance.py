@@ -80,6 +80,8 @@ def test_a_study_without_provenance_says_so(project):
         ([], ["case: points"], "commands without a source"),
         (["thickness_mm"], ["case: points"], "assumed dimensions; commands without a source"),
         ([], ["case: points", "thickness_mm"], "dimensions without a source"),
+        (["output.body", "body.frame.fixed"], [], "assumed ground or output"),
+        (["output.at_mm", "hinge.leaf.neck_mm"], [], "assumed dimensions"),
     ],
 )
 def test_figures_say_what_is_in_doubt(assumed, not_stated, note):
