@@ -63,12 +63,22 @@ def hinge_compliances(layout: Layout) -> Array:
 
 def widened(layout: Layout, plane: Array) -> Array:
     """Return compliances (h, 3, 3) of hinges in three dimensions from those in plane stress, by `wide_factors`."""
-    factors = list[tuple[float, float, float]]()
-    for joint in layout.joints:
-        ratio = layout.material_of(joint).poissons_ratio
-        factors.append(wide_factors(joint.profile, ratio, layout.thickness))
-    roots = np.sqrt(factors)
+    roots = np.sqrt(compliance_ratios(layout))
     return np.asarray(plane * roots[:, :, None] * roots[:, None])
+
+
+def compliance_ratios(layout: Layout) -> Array:
+    """Return the axial, transverse and rotational compliance (h, 3) of hinges to those in plane stress.
+
+    They are one but for a wide layout.
+    """
+    if not layout.wide:
+        return np.ones((len(layout.joints), 3))
+    ratios = list[tuple[float, float, float]]()
+    for joint in layout.joints:
+        material = layout.material_of(joint)
+        ratios.append(wide_factors(joint.profile, material.poissons_ratio, layout.thickness))
+    return np.array(ratios)
 
 
 def to_axes(place: complex, heading: float) -> Array:

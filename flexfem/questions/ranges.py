@@ -11,6 +11,7 @@ against beams in plane stress.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import product
 from typing import NamedTuple
 
@@ -35,7 +36,15 @@ from flexfem.fem.ports import PlateModel
 from flexfem.mechanism.layout import Layout, LinearActuator
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import levels
-from flexfem.questions.plates import Responses, model_of, parts_of, responses, solved, thickness_of
+from flexfem.questions.plates import (
+    Responses,
+    model_of,
+    parts_of,
+    responses,
+    solved,
+    thickness_of,
+    wide_stress_ratios,
+)
 from flexfem.questions.setup import Mesh, ModelAnswer
 from flexfem.refused import ComputationFailed
 from flexfem.results import STRESS, Quantity
@@ -147,7 +156,10 @@ def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAns
     """
     layout = mechanism.layout
     thickness = thickness_of(mechanism) if mesh is not None else ()
-    plane = beams = DrivenPlate(layout, hinge_compliances(layout) if mesh is None else parts_of(mechanism).hinges)
+    if mesh is None:
+        plane = beams = DrivenPlate(layout, hinge_compliances(layout), partial(wide_stress_ratios, layout))
+    else:
+        plane = beams = DrivenPlate(layout, parts_of(mechanism).hinges)
     if thickness:
         beams = DrivenPlate(layout, thickness[0].solid.hinges, thickness[0].stress_ratios)
     last = list(found.values())[-1]

@@ -171,3 +171,14 @@ def test_without_limits_the_stiffness_is_the_same_and_no_range_is_followed(monke
     assert not {"range", "range_force", "buckling_load"} & set(alone.values)
     np.testing.assert_array_equal(alone.free, whole.free)
     np.testing.assert_array_equal(alone.stress, whole.stress)
+
+
+def test_the_stress_of_a_wide_leaf_follows_its_curvature_and_not_the_force_that_its_thickness_adds():
+    """3 E t / L^2 per displacement of a leaf between bodies that stay parallel, whatever the force."""
+    plate = guide(sides=(1,)).replace(thickness=40.0)
+    wide = flexfem.stiffness(plate, models="analytic", no_limits=True)
+    narrow = flexfem.stiffness(plate.replace(model="plane_stress"), models="analytic", no_limits=True)
+    free = {"model": "analytic", "direction": "x"}
+    assert float(wide.at("free", **free)) > 1.07 * float(narrow.at("free", **free))  # it is nearly plane strain
+    highest = 1e3 * float(np.max(wide.at("stress", **free)))  # MPa/mm
+    assert highest == pytest.approx(3 * E * T / L**2, rel=0.015)
