@@ -48,8 +48,7 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
     """
     at_rest, vibrating = (ask(question) for question in ((stiffness, modes) if meshed else BEAMS))
     plane, model = PLANES[subject.model], at_rest.axes["model"][-1] if meshed else ANALYTIC
-    of_beams = "plane_stress" if subject.model == "three_dimensional" else subject.model
-    analytic = at_rest.settings.get("analytic model", f"rigid bodies, hinges as beams, {PLANES[of_beams]}")
+    analytic = at_rest.settings.get("analytic model", f"rigid bodies, hinges as beams, {plane}")
     rows = rows_at_rest(at_rest, model, analytic)
     first = vibrating.axes["mode"][0]  # with layers "1 in the plane" or "1 out of the plane"
     motion_of_first = first.partition(" ")[2] or "in the plane"
