@@ -29,9 +29,9 @@ def head(base, *ask):
 
 @pytest.fixture
 def sharp(tmp_path):
-    """Two leaves without fillets, each 0.5 mm x 10 mm."""
+    """Two leaves without fillets in plane stress, each 0.5 mm x 10 mm."""
     path = tmp_path / "leaves.toml"
-    path.write_text(PARALLELOGRAM.read_text().replace("fillet_mm = 0.5", "fillet_mm = 0"))
+    path.write_text('model = "plane_stress"\n' + PARALLELOGRAM.read_text().replace("fillet_mm = 0.5", "fillet_mm = 0"))
     return path
 
 
@@ -90,13 +90,13 @@ def test_a_design_is_proven_by_finite_elements_and_its_file_has_the_same_numbers
 
 @pytest.mark.slow
 def test_numbers_of_a_drive_are_by_finite_elements(load):
-    """The question has no finite elements without the analytic model, whose rigid bodies move it 12 % further."""
+    """The question has no finite elements without the analytic model, whose rigid bodies move it 13 % further."""
     motion = "drive.motion.drive.output.analytic.y"
     ratio = '[[free]]\nkey = "parameters.ratio"\nfrom = 3.0\nto = 6.0\n'
     loaded = load(ratio, best("maximise", f"abs({motion})"), head=head(LEVER, motion))
     values = loaded.base_values
     (solved,), found = ElementSolver(loaded, Counter()).solve(values), Model(loaded).columns(values[None])[0]
-    assert found[motion][0] / solved[motion] == pytest.approx(1.122, abs=0.01)
+    assert found[motion][0] / solved[motion] == pytest.approx(1.134, abs=0.01)
 
 
 @pytest.mark.slow

@@ -59,7 +59,12 @@ def require_same(plate, made, exact=SAME):
             if isinstance(value, float):
                 assert abs(getattr(twin.profile, key) - value) < MICROMETRE, (joint.name, key)
     if isinstance(plate, Mechanism):
-        plate = plate.replace(actuator=(), payload=None, point=())  # no drawing has them
+        absent = {part.name for part in (*plate.actuator, *plate.point)}  # no drawing has them
+        copies = [
+            each.model_copy(update={"parts": tuple(name for name in each.parts if name not in absent)})
+            for each in plate.copies
+        ]
+        plate = plate.replace(actuator=(), payload=None, point=(), copies=tuple(each for each in copies if each.parts))
         again = made.mechanism.replace(material=plate.material.model_dump(exclude_none=True))
         before, after = (api.stiffness(each, models="analytic").at("stiffness")[0] for each in (plate, again))
         own = np.sqrt(np.diag(before))
