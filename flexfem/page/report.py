@@ -399,7 +399,8 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
     drawn, stresses, stage = dict[str, Fields](), dict[str, Array](), isinstance(subject, Stage)
     for axis in (0, 2) if stage else (0, 1, 2):
         held = tuple(STRESS_AMPLITUDES[axis] * np.eye(3)[axis])
-        found, unit = stiffness(subject, models="elements", displacement=held), COMMANDS[axis]
+        found = stiffness(subject, models="elements", displacement=held, no_limits=not stage)
+        unit = COMMANDS[axis]
         name = f"{SYMBOLS[axis]} = {held[axis] * unit.factor:g} {unit}"
         drawn[name] = plane_fields(found.fields)
         model = found.axes["model"][-1]

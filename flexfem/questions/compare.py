@@ -282,7 +282,7 @@ def _numbers(base: Mechanism, other: Mechanism, models: Literal["analytic", "ele
     """Yield stiffness in all directions and the first frequency of both plates."""
     if not (base.layout.joints and other.layout.joints):
         models = "elements"
-    answers = [stiffness(each, models=models) for each in (base, other)]
+    answers = [stiffness(each, models=models, no_limits=True) for each in (base, other)]
     for others in ("held", "free"):
         values = [np.ravel(found.at(others)) for found in answers]
         units = np.ravel(answers[0].unit(others))
