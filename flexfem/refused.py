@@ -23,6 +23,11 @@ def text_of(error: BaseException) -> str:
         return "an exception without a printable text"
 
 
+def line_of(error: BaseException) -> str:
+    """Return the text of an exception in one line, its white space as single blanks."""
+    return " ".join(text_of(error).split())
+
+
 class BadInput(Exception):  # noqa: N818  the name says whose error it is
     """A file, key or option that cannot be used; its text is one line, shown unchanged, and the exit code is 2.
 

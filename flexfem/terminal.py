@@ -177,11 +177,11 @@ def deepest(error: BaseException) -> TracebackType | None:
 def reason_of(error: BaseException) -> str:
     """Return one line on an unexpected error."""
     from flexfem.files.refusals import one_line  # heavy
-    from flexfem.refused import text_of
+    from flexfem.refused import line_of
 
     if isinstance(error, MemoryError):
         return "out of memory"
-    what = one_line(" ".join(text_of(error).split()), 300)
+    what = one_line(line_of(error), 300)
     if isinstance(error, OSError):
         return what or type(error).__name__
     if isinstance(error, ImportError):

@@ -14,14 +14,13 @@ from flexfem.arrays import AnyArray
 from flexfem.importing.found import Drawing
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.plate import SIDES, cuts_of, end_corners, joint_loop
+from flexfem.mechanism.plate import GRID, SIDES, cuts_of, end_corners, joint_loop
 from flexfem.mechanism.profiles import Bezier, Curve, Ellipse
 
 CHORD = 4e-6  # mm, of a polygon from the curve that it follows
 MOST = 4000  # corners along one curve
 SPACING = 0.5  # mm, at most, between compared points of an edge
 SEAM = 1e-5  # mm, half the width of a strip that joins a hinge and its body
-GRID = 1e-6  # mm, of the coordinates of a whole plate, whose parts differ by round-off where they meet
 
 
 class Departure(NamedTuple):

@@ -23,7 +23,7 @@ from flexfem.importing.found import DrawnMark
 from flexfem.importing.layers import is_remark
 from flexfem.importing.units import MM, DrawingUnit
 from flexfem.mechanism.outlines import Segment, bowed
-from flexfem.refused import BadInput, text_of
+from flexfem.refused import BadInput, line_of, text_of
 
 MOST_ENTITIES = 100_000  # also those that blocks repeat, and vertices
 DEEPEST = 32  # blocks in blocks
@@ -77,7 +77,7 @@ def read_dxf(data: bytes, path: Path, unit: DrawingUnit | None) -> Contents:
     except (BadInput, RecursionError):
         raise
     except Exception as error:  # ezdxf raises many kinds for entities without what they need
-        raise BadInput(f"an entity that cannot be read: {' '.join(text_of(error).split())[:120]}") from None
+        raise BadInput(f"an entity that cannot be read: {line_of(error)[:120]}") from None
     for layout in document.layouts:
         if layout.name != "Model":
             number = sum(entity.dxftype() != "VIEWPORT" for entity in layout)
@@ -107,7 +107,7 @@ def _document(data: bytes) -> tuple[Any, tuple[str, ...]]:
         else:
             document, audit = recover.read(io.BytesIO(data))
     except Exception as error:  # ezdxf raises many kinds for what is no DXF
-        raise BadInput(f"not readable as DXF: {' '.join(text_of(error).split())[:120]}") from None
+        raise BadInput(f"not readable as DXF: {line_of(error)[:120]}") from None
     wrong = len(audit.errors) + len(audit.fixes)
     return document, (f"{wrong} faults of the DXF file were repaired.",) if len(audit.errors) else ()
 

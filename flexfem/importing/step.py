@@ -9,7 +9,7 @@ from pathlib import Path
 from flexfem.fem.mesher import SECTION_ERROR, FoundSection, MeshTimeout, SolidSection, run_mesher
 from flexfem.importing.curves import Contents, DrawnCurve
 from flexfem.importing.units import DrawingUnit
-from flexfem.refused import BadInput, ComputationFailed, printed, text_of
+from flexfem.refused import BadInput, ComputationFailed, line_of, printed
 
 TIME_LIMIT = 30.0  # s
 LARGEST_FILE = 50_000_000  # bytes
@@ -37,7 +37,7 @@ def read_step(data: bytes, path: Path, unit: DrawingUnit | None, part: int | str
     except MeshTimeout:
         raise BadInput(f"not read within {TIME_LIMIT:g} s, expected a simpler solid") from None
     except ComputationFailed as error:
-        raise BadInput(f"not readable as STEP: {' '.join(text_of(error).split())[:120]}") from None
+        raise BadInput(f"not readable as STEP: {line_of(error)[:120]}") from None
     _check(found, part)
     curves = [DrawnCurve(tuple(loop), "0", (found.names[found.chosen],)) for loop in found.contours]
     return Contents(

@@ -21,7 +21,7 @@ from flexfem.importing.layers import is_mark, is_remark, is_screws
 from flexfem.importing.network import SNAP
 from flexfem.importing.units import INCH, LENGTHS, DrawingUnit
 from flexfem.mechanism.outlines import Segment
-from flexfem.refused import BadInput, text_of
+from flexfem.refused import BadInput, line_of, text_of
 
 MOST_ELEMENTS = 200_000  # also those that `use` repeats
 LARGEST_FILE = 20_000_000  # bytes; some 500,000 lines
@@ -88,7 +88,7 @@ def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
     except BadInput:
         raise
     except Exception as error:  # svgelements raises many kinds for impossible values
-        raise BadInput(f"not readable as SVG: {' '.join(text_of(error).split())[:120]}") from None
+        raise BadInput(f"not readable as SVG: {line_of(error)[:120]}") from None
     return Contents(reader.curves, [], +left_out, reader.deviation, unstated)
 
 

@@ -33,7 +33,7 @@ from flexfem.arrays import Array
 from flexfem.fem.body_stress import moving_bodies
 from flexfem.fem.nonlinear import driven, gap_of_parts, stress_in_parts
 from flexfem.fem.ports import PlateModel
-from flexfem.mechanism.layout import Layout, LinearActuator
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import levels
 from flexfem.questions.plates import (
@@ -352,15 +352,16 @@ def _steps(layout: Layout, end: PathEnd, at: _Finite, values: Array, powers: Arr
         steps[BODY_YIELD] = float((strength / values[2]) ** (1 / max(powers[0], LEAST_POWER)))
     if end.kind == CONTACT:
         steps[CONTACT] = at.contact
-    opened = max(0.0, *(at.motions[port] / one.stroke for port, one in _drives(layout)), 0.0)
+    opened = _opened(layout, at.motions)
     if opened > 0:
         steps[STROKE] = 1 / opened
     return steps
 
 
-def _drives(layout: Layout) -> list[tuple[int, LinearActuator]]:
-    """Return the ports of the actuators, and these."""
-    return list(zip(layout.drive_ports, layout.actuators, strict=True))
+def _opened(layout: Layout, motions: Array) -> float:
+    """Return the largest opening of the actuators over their strokes, 0 without one, from motions (k,) of the ports."""
+    shares = [float(motions[port]) / one.stroke for port, one in zip(layout.drive_ports, layout.actuators, strict=True)]
+    return max([0.0, *shares])
 
 
 def _opening(mechanism: Mechanism, mesh: Mesh, port: int, held: Sequence[int]) -> Array:
@@ -380,7 +381,7 @@ def _of_linear_theory(layout: Layout, end: PathEnd, linear: _Linear, opening: Ar
         kind: layout.yield_strength / each for kind, each in zip((YIELD, BODY_YIELD), stress, strict=True) if each
     }
     widths = {YIELD: linear.bands[1], BODY_YIELD: linear.bands[2]}
-    opened = max(0.0, *(sign * opening[port] / one.stroke for port, one in _drives(layout)), 0.0)
+    opened = _opened(layout, sign * opening)
     if opened > 0:
         reached[STROKE] = 1 / opened
     if end.kind == CONTACT:

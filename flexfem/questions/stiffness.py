@@ -41,6 +41,7 @@ UNDER_PRELOAD = (
     "the stiffness is that of small motions about the equilibrium under the preload; stress, ranges and buckling loads "
     "are not stated there"
 )
+LIMITS = ("range", "buckling_load")  # beginnings of the names of what `no_limits` leaves out
 HINGES_ALONE = "the analytic model does not hold there, and its stress and range at yield are those of hinges alone"
 NEARLY_EQUAL = Gate(1.0, absolute=1e4)  # of the place of a highest stress: another one may have nearly the same
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions

@@ -151,9 +151,6 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     return with_warnings(loaded, values, Rows(status, reason, outputs))
 
 
-LIMITS = ("stiffness.range", "stiffness.buckling_load")  # numbers that take most of the time of the analytic model
-
-
 class NoSuchNumber(BadInput):
     """A study requests a number that no result about the stage has."""
 
@@ -164,6 +161,7 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> Array:
     Raises BadInput, ComputationFailed.
     """
     from flexfem.questions.setup import Analytic
+    from flexfem.questions.stiffness import LIMITS
 
     study, numbers = loaded.study, dict[str, tuple[float, float]]()
     models = {"analytic": "analytic", "verify": "both"}.get(study.model, "elements")
@@ -174,7 +172,8 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> Array:
         settings["resolution"] = study.resolution
     if study.model == "three_dimensional":
         settings |= {"solid": True, "thickness_resolution": study.layers}
-    if study.on_mechanism and not any(path.startswith(LIMITS) for path in study.ask):
+    limits = tuple(f"stiffness.{name}" for name in LIMITS)
+    if study.on_mechanism and not any(path.startswith(limits) for path in study.ask):
         settings["no_limits"] = True
     for name in dict.fromkeys(path.split(".")[0] for path in study.ask):
         question = getattr(flexfem, name)
