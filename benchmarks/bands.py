@@ -1,10 +1,10 @@
-"""How often the bands of error percentages hold the truth, over random feasible stages whose chains are unlike.
+"""How often the bands of error percentages hold the truth, over random feasible stages whose chains
+are unlike.
 
     python benchmarks/bands.py [--stages 30] [--seeds 2026 2027] [--keep FILE.npz]
 
-The truth is the compliance extrapolated from two much finer meshes. `--keep` stores what was solved, which
-`tests/questions/test_bands.py` counts again without solving.
-"""
+The truth is the compliance extrapolated from two much finer meshes. `--keep` stores what was
+solved, which `tests/questions/test_bands.py` counts again without solving."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ FINE = (11, 16)
 
 
 class Solved(NamedTuple):
-    """Compliances (n, levels, 3, 3) on `RESOLUTIONS` and `FINE`, analytic stiffness (n, 3, 3), lever (n,).
+    """Compliances (n, levels, 3, 3) on `RESOLUTIONS` and `FINE`, analytic stiffness (n, 3, 3),
+    lever (n,).
 
     stages : what their files would hold, as JSON.
     """
@@ -57,7 +58,9 @@ def _drawn(rng: np.random.Generator, number: int) -> list[tuple[Array, Array, fl
             compliance = np.array([solve_stage(stage, n).compliance for n in RESOLUTIONS + FINE])
         except (BadInput, ComputationFailed):
             continue
-        found.append((compliance, analyse(stage).stiffness, stage.chain.link_lengths[2], json.dumps(drawn)))
+        found.append(
+            (compliance, analyse(stage).stiffness, stage.chain.link_lengths[2], json.dumps(drawn))
+        )
         print(f"{len(found)} of {number}", flush=True)
     return found
 
@@ -72,7 +75,12 @@ def ratios(compliance: Array, stiffness: Array, lever: float) -> Array:
         [
             each.band
             for each in command_convergence(
-                np.array(RESOLUTIONS), percents[:number, :, j], j, compliance[:number], stiffness[:, j], lever
+                np.array(RESOLUTIONS),
+                percents[:number, :, j],
+                j,
+                compliance[:number],
+                stiffness[:, j],
+                lever,
             )
         ]
         for j in range(3)
@@ -81,7 +89,9 @@ def ratios(compliance: Array, stiffness: Array, lever: float) -> Array:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--stages", type=int, default=30)
     parser.add_argument("--seeds", type=int, nargs="+", default=[2026, 2027])
     parser.add_argument("--keep", type=Path)
@@ -92,7 +102,10 @@ def main() -> None:
     for name, where in (("along", along), ("across", ~along)):
         ratio = over[:, where].ravel()
         held = f"{np.sum(ratio >= 1)} of {len(ratio)} bands hold the truth"
-        print(f"{name}: {held} ({np.mean(ratio >= 1):.1%}); median band over error {np.median(ratio):.1f}")
+        print(
+            f"{name}: {held} ({np.mean(ratio >= 1):.1%}); median band over error "
+            f"{np.median(ratio):.1f}"
+        )
     if arguments.keep:
         np.savez_compressed(arguments.keep, **found._asdict())
 

@@ -1,10 +1,10 @@
-"""Platform stiffness of many designs at once against a plain loop over designs, with the calibrated hinges.
+"""Platform stiffness of many designs at once against a plain loop over designs, with the calibrated
+hinges.
 
     python benchmarks/designs.py [--designs 100000] [--looped 300]
 
-Both do the same: hinge compliances, frames, chains in series, chains in parallel. The loop is timed on fewer designs
-and scaled; the two must agree.
-"""
+Both do the same: hinge compliances, frames, chains in series, chains in parallel. The loop is timed
+on fewer designs and scaled; the two must agree."""
 
 from __future__ import annotations
 
@@ -50,7 +50,9 @@ def stiffness(d: dict[str, Any]) -> Any:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--designs", type=int, default=100_000)
     parser.add_argument("--looped", type=int, default=300)
     arguments = parser.parse_args()
@@ -58,17 +60,28 @@ def main() -> None:
     stiffness(draw(10))
     started = time.perf_counter()
     together = np.concatenate(
-        [stiffness({k: v[i : i + 10_000] for k, v in designs.items()}) for i in range(0, arguments.designs, 10_000)]
+        [
+            stiffness({k: v[i : i + 10_000] for k, v in designs.items()})
+            for i in range(0, arguments.designs, 10_000)
+        ]
     )
     batch = time.perf_counter() - started
     started = time.perf_counter()
-    single = np.array([stiffness({k: v[i] for k, v in designs.items()}) for i in range(arguments.looped)])
+    single = np.array(
+        [stiffness({k: v[i] for k, v in designs.items()}) for i in range(arguments.looped)]
+    )
     loop = (time.perf_counter() - started) / arguments.looped * arguments.designs
     on_chart = np.isfinite(together[: arguments.looped, 0, 0])
     np.testing.assert_allclose(together[: arguments.looped][on_chart], single[on_chart], rtol=1e-9)
-    print(f"{arguments.designs} designs: {batch:.2f} s together, {loop:.0f} s one by one, ratio {loop / batch:.0f}")
+    print(
+        f"{arguments.designs} designs: {batch:.2f} s together, {loop:.0f} s one by one, ratio "
+        f"{loop / batch:.0f}"
+    )
     on_chart = np.isfinite(together[:, 0, 0])
-    print(f"{1e6 * batch / arguments.designs:.1f} us a design; {100 * np.mean(on_chart):.1f} % of them on the chart")
+    print(
+        f"{1e6 * batch / arguments.designs:.1f} us a design; {100 * np.mean(on_chart):.1f} % of "
+        "them on the chart"
+    )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
-"""Axis ranges of the drive over many analytic designs: processor time a design, with the drive asked about and without.
+"""Axis ranges of the drive over many analytic designs: processor time a design, with the drive
+asked about and without.
 
-One process, rigid links, calibrated hinges; eight factors on mobility six: arms, preloads, necks, radii and lengths.
+One process, rigid links, calibrated hinges; eight factors on mobility six: arms, preloads, necks,
+radii and lengths.
 
     python benchmarks/drive_ranges.py --designs 100000
 """
@@ -42,9 +44,14 @@ DRIVEN = PASSIVE | {
 }
 
 
-def seconds(designs: int, factors: dict[str, tuple[float, float]], tail: str) -> tuple[float, float]:
+def seconds(
+    designs: int, factors: dict[str, tuple[float, float]], tail: str
+) -> tuple[float, float]:
     """Processor time of all designs, and the share of them that has an answer."""
-    body = "".join(f'[[factor]]\nkey = "{key}"\nfrom = {low}\nto = {high}\n' for key, (low, high) in factors.items())
+    body = "".join(
+        f'[[factor]]\nkey = "{key}"\nfrom = {low}\nto = {high}\n'
+        for key, (low, high) in factors.items()
+    )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "study.toml"
         path.write_text(HEAD.format(stage=STAGE, designs=designs) + body + tail)
@@ -59,9 +66,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--designs", type=int, default=100_000)
     designs = parser.parse_args().designs
-    passive, driven = seconds(designs, PASSIVE, ""), seconds(designs, DRIVEN, "[drive]\nactuators = true\n")
+    passive = seconds(designs, PASSIVE, "")
+    driven = seconds(designs, DRIVEN, "[drive]\nactuators = true\n")
     for name, (cost, share) in (("without the drive", passive), ("with it", driven)):
-        print(f"{name:18} {cost:8.1f} s {1e6 * cost / designs:8.1f} us a design, {100 * share:.0f} % answered")
+        print(
+            f"{name:18} {cost:8.1f} s {1e6 * cost / designs:8.1f} us a design, {100 * share:.0f} "
+            "% answered"
+        )
     print(f"ratio {driven[0] / passive[0]:.0f}")
 
 

@@ -1,11 +1,12 @@
-"""Neck stresses of driven random stages by the analytic model over those of finite elements, with the same strokes.
+"""Neck stresses of driven random stages by the analytic model over those of finite elements, with
+the same strokes.
 
     python benchmarks/drive_stress.py [--stages 12] [--seed 2003] [--resolution 8]
 
-Stages as in random_drives.py, moved along x, y and theta by strokes of least energy, and by least strokes, which set
-stacks against each other so that necks are sheared. Ratios of the highest stress, and of every neck that has 30 % of it
-or more, smallest and largest. The finite elements are `warning.stress_below` low.
-"""
+Stages as in random_drives.py, moved along x, y and theta by strokes of least energy, and by least
+strokes, which set stacks against each other so that necks are sheared. Ratios of the highest
+stress, and of every neck that has 30 % of it or more, smallest and largest. The finite elements are
+`warning.stress_below` low."""
 
 from __future__ import annotations
 
@@ -34,9 +35,14 @@ NONE = np.zeros(3)
 
 
 def ratios(stage: Stage, resolution: int) -> dict[tuple[str, str], list[float]]:
-    """By model and criterion: of the highest stress, then of every neck of high stress, of all three poses."""
-    drive, metal, lever = drive_of(stage), driven_elements(stage, resolution), stage.chain.link_lengths[2]
-    best, found = commanding(ModelChoice(stage, *MODELS["calibrated, elastic links"])), defaultdict(list)
+    """By model and criterion: of the highest stress, then of every neck of high stress, of all
+    three poses.
+    """
+    drive = drive_of(stage)
+    metal = driven_elements(stage, resolution)
+    lever = stage.chain.link_lengths[2]
+    best = commanding(ModelChoice(stage, *MODELS["calibrated, elastic links"]))
+    found = defaultdict(list)
     for criterion in CRITERIA:
         for pose in np.diag(1e-3 / np.array([1, 1, lever])):
             x = best.system.commands(pose, NONE, lever, criterion)
@@ -51,12 +57,16 @@ def ratios(stage: Stage, resolution: int) -> dict[tuple[str, str], list[float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--stages", type=int, default=12)
     parser.add_argument("--seed", type=int, default=2003)
     parser.add_argument("--resolution", type=int, default=8)
     arguments = parser.parse_args()
-    rng, found, used = np.random.default_rng(arguments.seed), defaultdict(list), 0
+    rng = np.random.default_rng(arguments.seed)
+    found = defaultdict(list)
+    used = 0
     for stage in drawn(arguments.stages, arguments.seed):
         try:
             for key, each in ratios(with_drive(stage, rng), arguments.resolution).items():

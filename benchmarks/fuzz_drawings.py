@@ -1,4 +1,5 @@
-"""Reads mutated DXF, SVG and STEP files: each must be read or refused in one line, soon, and nothing written.
+"""Reads mutated DXF, SVG and STEP files: each must be read or refused in one line, soon, and
+nothing written.
 
     python benchmarks/fuzz_drawings.py [number of files] [seed]
 
@@ -25,7 +26,17 @@ from flexfem.importing.read import read_drawing
 LONGEST = 60.0  # s
 ROOT = Path(__file__).parent.parent
 PLATES = ("bridge-amplifier", "lever-amplifier", "xy-stage")
-NUMBERS = (b"nan", b"inf", b"-1e308", b"1e400", b"0", b"-1", b"99999999999999999999", b"1e-320", b"")
+NUMBERS = (
+    b"nan",
+    b"inf",
+    b"-1e308",
+    b"1e400",
+    b"0",
+    b"-1",
+    b"99999999999999999999",
+    b"1e-320",
+    b"",
+)
 INKSCAPE = """<svg xmlns="http://www.w3.org/2000/svg" width="80mm" height="60mm" viewBox="0 0 80 60">
 <style>.cut {stroke: red; fill: none}</style><defs><g id="p"><path
 class="cut" d="M26 0H0v40h60V0L34 0A4 4 0 0 1 26 0Z"/>
@@ -45,7 +56,9 @@ def originals(folder: Path) -> list[Path]:
         document = ezdxf.new(release)
         document.header["$INSUNITS"] = 1
         block = document.blocks.new("PART")
-        block.add_polyline2d([(0, 0, 0, 0, 0.5), (3, 0, 0, 0, 0), (3, 2, 0, 0, -1)], format="xyseb", close=True)
+        block.add_polyline2d(
+            [(0, 0, 0, 0, 0.5), (3, 0, 0, 0, 0), (3, 2, 0, 0, -1)], format="xyseb", close=True
+        )
         block.add_circle((1, 1), 0.25)
         space = document.modelspace()
         space.add_blockref("PART", (5, 5), {"xscale": -2, "yscale": 2, "rotation": 33})
@@ -79,18 +92,22 @@ def mutated(data: bytes, chance: random.Random) -> tuple[str, bytes]:
         content = bytearray(b"".join(lines))
     elif kind == "numbers":
         places = [k for k in range(len(content) - 1) if chr(content[k]).isdigit()]
-        for place in sorted(chance.sample(places, min(len(places), chance.choice([1, 5, 50]))), reverse=True):
+        for place in sorted(
+            chance.sample(places, min(len(places), chance.choice([1, 5, 50]))), reverse=True
+        ):
             content[place : place + 1] = chance.choice(NUMBERS)
     elif kind == "repeat":
         first = chance.randrange(len(lines))
         some = lines[first : first + chance.choice([2, 40])]
         content = bytearray(b"".join(lines[:first] + some * chance.choice([2, 50]) + lines[first:]))
     elif kind == "swap":
-        one, other = chance.randrange(len(lines)), chance.randrange(len(lines))
+        one = chance.randrange(len(lines))
+        other = chance.randrange(len(lines))
         lines[one], lines[other] = lines[other], lines[one]
         content = bytearray(b"".join(lines))
     else:
-        place, start = chance.randrange(len(content)), chance.randrange(len(content))
+        place = chance.randrange(len(content))
+        start = chance.randrange(len(content))
         content[place:place] = data[start : start + chance.choice([10, 1000])]
     return kind, bytes(content)
 
@@ -99,7 +116,8 @@ def main(number: int, seed: int) -> int:
     """Read mutated files and print what became of them; return the number of failures."""
     chance = random.Random(seed)
     outcome = Counter[str]()
-    failures, slowest = 0, (0.0, "")
+    failures = 0
+    slowest = (0.0, "")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         paths = originals(folder)
@@ -128,7 +146,10 @@ def main(number: int, seed: int) -> int:
             slowest = max(slowest, (time.perf_counter() - start, path.name))
             path.unlink()
         left = [each.name for each in folder.iterdir()]
-    print(f"{number} files: {dict(sorted(outcome.items()))}, {failures} failures, files written: {left}")
+    print(
+        f"{number} files: {dict(sorted(outcome.items()))}, {failures} failures, files written: "
+        f"{left}"
+    )
     print(f"slowest: {slowest[0]:.2f} s, {slowest[1]}")
     return failures + len(left)
 

@@ -1,19 +1,21 @@
-"""Bands of mechanisms against NGSolve on the drawn plate: drift, compliance, stiffness, amplification.
+"""Bands of mechanisms against NGSolve on the drawn plate: drift, compliance, stiffness,
+amplification.
 
     pip install ngsolve
     python benchmarks/ngsolve_mechanisms.py [--mechanisms 24] [--seed 7] [--order 5]
     python benchmarks/ngsolve_mechanisms.py --file mechanism.toml
     python benchmarks/ngsolve_mechanisms.py --solid --order 3 [--mechanisms 12] [--seed 11]
 
-Mechanisms as in random_mechanisms.py. NGSolve meshes the drawn plate by itself and solves it with polynomials of the
-stated order. A hinge is the material within its length, and a body is the rest of its outline. A hinge that ends at a
-rigid body is held along its end. Heat is an initial strain in three dimensions, with the strain of the frame across a
-plate in plane strain. Nothing but the drawing is taken from flexfem.
+Mechanisms as in random_mechanisms.py. NGSolve meshes the drawn plate by itself and solves it with
+polynomials of the stated order. A hinge is the material within its length, and a body is the rest
+of its outline. A hinge that ends at a rigid body is held along its end. Heat is an initial strain
+in three dimensions, with the strain of the frame across a plate in plane strain. Nothing but the
+drawing is taken from flexfem.
 
-With --solid, the drawn plate is extruded, and half of its thickness is solved in three dimensions with curved prisms:
-compliance, stiffness, amplification and the first natural frequency in the plane. The mechanisms have a thickness of
-0.5 to 40 times the thinnest neck, and guides with leaves on both sides are added.
-"""
+With --solid, the drawn plate is extruded, and half of its thickness is solved in three dimensions
+with curved prisms: compliance, stiffness, amplification and the first natural frequency in the
+plane. The mechanisms have a thickness of 0.5 to 40 times the thinnest neck, and guides with leaves
+on both sides are added."""
 
 from __future__ import annotations
 
@@ -68,7 +70,11 @@ def edge(curve: Curve) -> Shape:
     if isinstance(curve, Bezier):
         return occ.BezierCurve([point(one) for one in curve.points])
     turn = np.linspace(0, np.pi / 2, ON_QUARTER)
-    z = curve.centre + (curve.start - curve.centre) * np.cos(turn) + (curve.end - curve.centre) * np.sin(turn)
+    z = (
+        curve.centre
+        + (curve.start - curve.centre) * np.cos(turn)
+        + (curve.end - curve.centre) * np.sin(turn)
+    )
     return occ.SplineInterpolation([point(one) for one in z])
 
 
@@ -81,9 +87,16 @@ def end_of(joint: Joint, side: int) -> complex:
 
 
 def heights(layout: Layout) -> list[float]:
-    """Bounds of layers in half the thickness, which are thinner near the free face, from the mid-plane."""
-    half, neck = layout.thickness / 2, min(joint.profile.neck for joint in layout.joints)
-    return [0.0, *(half - one * neck for one in reversed(FROM_FACE) if 1.5 * one * neck < half), half]
+    """Bounds of layers in half the thickness, which are thinner near the free face, from the
+    mid-plane.
+    """
+    half = layout.thickness / 2
+    neck = min(joint.profile.neck for joint in layout.joints)
+    return [
+        0.0,
+        *(half - one * neck for one in reversed(FROM_FACE) if 1.5 * one * neck < half),
+        half,
+    ]
 
 
 def extruded(plate: Shape, levels: list[float]) -> Shape:
@@ -100,7 +113,8 @@ def extruded(plate: Shape, levels: list[float]) -> Shape:
 class Drawn:
     """The mesh of a plate without its rigid bodies, and the names of the parts of every contact.
 
-    order : of the edges of elements, at most that of displacements, which otherwise cannot rotate rigidly.
+    order : of the edges of elements, at most that of displacements, which otherwise cannot rotate
+    rigidly.
     levels : bounds of layers in half the thickness, for three dimensions.
     """
 
@@ -120,7 +134,11 @@ class Drawn:
             shape.faces.name = f"body {number}"
             for index, patch in enumerate(patches):
                 if patch.body == number and patch.radius is not None:
-                    disc = occ.WorkPlane().Circle(patch.point.real, patch.point.imag, patch.radius).Face()
+                    disc = (
+                        occ.WorkPlane()
+                        .Circle(patch.point.real, patch.point.imag, patch.radius)
+                        .Face()
+                    )
                     inside = shape * disc
                     inside.edges.maxh = patch.radius / PER_RADIUS
                     inside.faces.name = f"patch {index} of body {number}"
@@ -139,18 +157,27 @@ class Drawn:
                     one.maxh = min(joint.profile.neck / 2, curve.length / PER_ARC)
             faces.append(shape)
         whole = occ.Glue(faces)
-        held = [end_of(joint, side) for joint in layout.joints for side, body in zip((-1, 1), joint.bodies, strict=True)
-                if layout.bodies[body].fixed]  # fmt: skip
-        clamped = [body.outline[k] for body in layout.bodies if not body.fixed for k in body.clamped]
+        held = [
+            end_of(joint, side)
+            for joint in layout.joints
+            for side, body in zip((-1, 1), joint.bodies, strict=True)
+            if layout.bodies[body].fixed
+        ]
+        clamped = [
+            body.outline[k] for body in layout.bodies if not body.fixed for k in body.clamped
+        ]
         if levels:
             whole = extruded(whole, levels)
         for one in whole.faces if levels else whole.edges:
             at = complex(one.center.x, one.center.y)
-            on_clamp = any(abs(line.at(line.shares(np.array(at))) - at) < ON_LINE for line in clamped)
+            on_clamp = any(
+                abs(line.at(line.shares(np.array(at))) - at) < ON_LINE for line in clamped
+            )
             if on_clamp or any(abs(at - end) < ON_LINE for end in held):
                 one.name = "ground"
         for solid in whole.solids:
-            low, high = solid.faces.Min(occ.Z), solid.faces.Max(occ.Z)
+            low = solid.faces.Min(occ.Z)
+            high = solid.faces.Max(occ.Z)
             low.name = "level" if low.center.z > 0 else "middle"
             high.name = "level"
             up = occ.gp_Trsf.Translation((high.center.z - low.center.z) * occ.Z)
@@ -170,13 +197,19 @@ class Fields:
     """A space of displacements of a drawn plate: loads on contacts, and their mean motions."""
 
     def __init__(self, layout: Layout, drawn: Drawn, order: int, lifted: bool = False) -> None:
-        self.mesh, self.layout, self.parts = drawn.mesh, layout, drawn.parts
+        self.mesh = drawn.mesh
+        self.layout = layout
+        self.parts = drawn.parts
         self.lifted = lifted
         held = {"dirichlet": "ground"}
         if self.mesh.dim == 3:
             held = {"dirichletx": "ground", "dirichlety": "ground", "dirichletz": "ground|middle"}
         if lifted:  # antisymmetric: the mid-plane moves along z alone
-            held = {"dirichletx": "ground|middle", "dirichlety": "ground|middle", "dirichletz": "ground"}
+            held = {
+                "dirichletx": "ground|middle",
+                "dirichlety": "ground|middle",
+                "dirichletz": "ground",
+            }
         self.space = ng.VectorH1(self.mesh, order=order, **held)
 
     def inertia(self, mass: float, moment: float) -> tuple[float, float, float]:
@@ -188,28 +221,37 @@ class Fields:
         u, v = self.space.TnT()
         stress = 2 * mu * strain_of(u) + volume * ng.Trace(strain_of(u)) * ng.Id(self.mesh.dim)
         K = ng.BilinearForm(self.space, symmetric=True)
-        K += ng.InnerProduct(stress, strain_of(v)) * ng.dx(bonus_intorder=4 if self.mesh.dim == 2 else 2)
+        K += ng.InnerProduct(stress, strain_of(v)) * ng.dx(
+            bonus_intorder=4 if self.mesh.dim == 2 else 2
+        )
         K.Assemble()
         return K, K.mat.Inverse(self.space.FreeDofs(), "sparsecholesky")
 
     def _basis(self, patch: Patch) -> tuple[Any, list[Any], Array]:
         region = self.mesh.Materials(self.parts[patch])
-        x, y = ng.x - patch.point.real, ng.y - patch.point.imag
+        x = ng.x - patch.point.real
+        y = ng.y - patch.point.imag
         still = (0,) * (self.mesh.dim - 2)
         rigid = [ng.CF((1, 0, *still)), ng.CF((0, 1, *still)), ng.CF((-y, x, *still))]
         if self.lifted:
             rigid = [ng.CF((0, 0, 1)), ng.CF((0, 0, y)), ng.CF((0, 0, -x))]
-        M = [[ng.Integrate(a * b, self.mesh, definedon=region, order=8) for a in rigid] for b in rigid]
+        M = [
+            [ng.Integrate(a * b, self.mesh, definedon=region, order=8) for a in rigid]
+            for b in rigid
+        ]
         return region, rigid, np.linalg.inv(np.array(M))
 
     def mean(self, field: Any, patch: Patch) -> Array:
         """Mean rigid motion of a contact, at its point."""
         region, rigid, inverse = self._basis(patch)
-        return inverse @ [ng.Integrate(field * one, self.mesh, definedon=region, order=10) for one in rigid]
+        return inverse @ [
+            ng.Integrate(field * one, self.mesh, definedon=region, order=10) for one in rigid
+        ]
 
     def force(self, parts: Any) -> Any:
         """Body force of a unit load on a port."""
-        load, v = ng.LinearForm(self.space), self.space.TestFunction()
+        load = ng.LinearForm(self.space)
+        v = self.space.TestFunction()
         for patch, wrench in parts:
             if patch in self.parts:
                 region, rigid, inverse = self._basis(patch)
@@ -226,7 +268,9 @@ class Fields:
             field = ng.GridFunction(self.space)
             field.vec.data = inverse * force
             fields.append(field)
-        return np.array([[ng.InnerProduct(force, field.vec) for field in fields] for force in forces])
+        return np.array(
+            [[ng.InnerProduct(force, field.vec) for field in fields] for force in forces]
+        )
 
 
 def strain_of(u: Any) -> Any:
@@ -236,22 +280,35 @@ def strain_of(u: Any) -> Any:
 def of_ports(layout: Layout, C: Array) -> dict[str, Array]:
     """Numbers by quantity of flexfem, from the compliance of the ports."""
     drives = layout.drive_ports
-    found = {"stiffness": np.linalg.inv(C[:3, :3]), "free": 1 / np.diag(C)[:3], "compliance": C[:3, :3]}
+    found = {
+        "stiffness": np.linalg.inv(C[:3, :3]),
+        "free": 1 / np.diag(C)[:3],
+        "compliance": C[:3, :3],
+    }
     return found | ({"amplification": (C[:3, drives] / np.diag(C)[drives]).T} if drives else {})
 
 
 def reference(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array]:
     """NGSolve's numbers of a plane plate by quantity of flexfem; `pose` is the drift (3 cases, 3)."""
-    layout, material = mechanism.layout, mechanism.material
+    layout = mechanism.layout
+    material = mechanism.material
     fields = Fields(layout, Drawn(layout, min(order, CURVED)), order)
-    E, nu, strain = material.youngs_modulus, material.poissons_ratio, mechanism.model == "plane_strain"
-    plate, frame = float(material.expansion), float(mechanism.frame.expansion)
-    mu, lame = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
+    E = material.youngs_modulus
+    nu = material.poissons_ratio
+    strain = mechanism.model == "plane_strain"
+    plate = float(material.expansion)
+    frame = float(mechanism.frame.expansion)
+    mu = E / 2 / (1 + nu)
+    lame = E * nu / (1 + nu) / (1 - 2 * nu)
     K, inverse = fields.factorised(mu, lame if strain else E * nu / (1 - nu**2))
     v = fields.space.TestFunction()
-    x, y = ng.x, ng.y
-    cases = [(ng.CF(1), ng.CF((x, y))), (x, ng.CF(((x * x - y * y) / 2, x * y))),
-             (y, ng.CF((x * y, (y * y - x * x) / 2)))]  # fmt: skip
+    x = ng.x
+    y = ng.y
+    cases = [
+        (ng.CF(1), ng.CF((x, y))),
+        (x, ng.CF(((x * x - y * y) / 2, x * y))),
+        (y, ng.CF((x * y, (y * y - x * x) / 2))),
+    ]
     drift = np.zeros((3, 3))
     for number, (warmth, free) in enumerate(cases):
         hot = E / (1 - nu) * plate * warmth
@@ -269,26 +326,34 @@ def reference(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array]:
 
 
 def solid_reference(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array]:
-    """NGSolve's numbers in three dimensions by quantity of flexfem; `frequency` is the first in the plane, Hz.
+    """NGSolve's numbers in three dimensions by quantity of flexfem; `frequency` is the first in the
+    plane, Hz.
 
-    A load on half of the plate is half of that on the plate. Payloads and masses of actuators move with the mean
-    motions of their contacts.
-    """
+    A load on half of the plate is half of that on the plate. Payloads and masses of actuators move
+    with the mean motions of their contacts."""
     layout = mechanism.layout
     fields = Fields(layout, Drawn(layout, min(order, CURVED), heights(layout)), order)
     if fields.space.ndof > LARGEST:
         raise MemoryError(f"more than {LARGEST} unknowns: {fields.space.ndof}")
-    E, nu = layout.youngs_modulus, layout.poissons_ratio
+    E = layout.youngs_modulus
+    nu = layout.poissons_ratio
     _, inverse = fields.factorised(E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu))
     C = fields.compliance(inverse) / 2
-    return of_ports(layout, C) | {"frequency": first_frequency(fields, inverse)} | out_of_plane(mechanism, order)
+    return (
+        of_ports(layout, C)
+        | {"frequency": first_frequency(fields, inverse)}
+        | out_of_plane(mechanism, order)
+    )
 
 
 def out_of_plane(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array]:
-    """NGSolve's numbers out of the plane by quantity of flexfem: z, tilt x and tilt y of the output."""
+    """NGSolve's numbers out of the plane by quantity of flexfem: z, tilt x and tilt y of the
+    output.
+    """
     layout = mechanism.layout
     fields = Fields(layout, Drawn(layout, min(order, CURVED), heights(layout)), order, lifted=True)
-    E, nu = layout.youngs_modulus, layout.poissons_ratio
+    E = layout.youngs_modulus
+    nu = layout.poissons_ratio
     _, inverse = fields.factorised(E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu))
     units = [[(layout.points[0][1], tuple(unit))] for unit in np.eye(3)]
     forces = [fields.force(unit) for unit in units]
@@ -309,15 +374,20 @@ def first_frequency(fields: Fields, inverse: Any) -> Array:
     M += layout.density * u * v * ng.dx
     M.Assemble()
     carried = [(load.contact, fields.inertia(load.mass, load.inertia)) for load in layout.payloads]
-    carried += [(at, fields.inertia(one.mass / 2, 0.0)) for one in layout.actuators for at in one.contacts]
-    means, masses = [], []
+    carried += [
+        (at, fields.inertia(one.mass / 2, 0.0)) for one in layout.actuators for at in one.contacts
+    ]
+    means = []
+    masses = []
     for contact, inertia in carried:
         for unit, one in zip(np.eye(3), inertia, strict=True):
             if one and contact in fields.parts:
                 means.append(fields.force([(contact, unit)]).FV().NumPy().copy())
                 masses.append(one / 2)
-    means, masses = np.reshape(means, (len(masses), fields.space.ndof)), np.array(masses)
-    given, found = M.mat.CreateColVector(), M.mat.CreateColVector()
+    means = np.reshape(means, (len(masses), fields.space.ndof))
+    masses = np.array(masses)
+    given = M.mat.CreateColVector()
+    found = M.mat.CreateColVector()
 
     def through(matrix: Any, values: Array) -> Array:
         given.FV().NumPy()[:] = np.ravel(values)
@@ -331,8 +401,12 @@ def first_frequency(fields: Fields, inverse: Any) -> Array:
     inertia = LinearOperator(shape, mass, dtype=float)
     solve = LinearOperator(shape, lambda values: through(inverse, values), dtype=float)
     start = solve @ fields.force([(layout.points[0][1], (1.0, 0.7, 0.3))]).FV().NumPy()
-    start = start + np.abs(start).max() * np.random.default_rng(1).uniform(-0.1, 0.1, len(start))  # all modes
-    squares = eigsh(solve, 3, M=inertia, sigma=0, OPinv=solve, v0=start, tol=1e-8, return_eigenvectors=False)
+    start = start + np.abs(start).max() * np.random.default_rng(1).uniform(
+        -0.1, 0.1, len(start)
+    )  # all modes
+    squares = eigsh(
+        solve, 3, M=inertia, sigma=0, OPinv=solve, v0=start, tol=1e-8, return_eigenvectors=False
+    )
     return np.sqrt(np.sort(squares)[:1]) / 2 / np.pi
 
 
@@ -364,23 +438,39 @@ def ratios(mechanism: flexfem.Mechanism, order: int, solid: bool = False) -> Com
         else:
             scale = np.max(np.abs(value * lengths), axis=-1, keepdims=True) / lengths
         for where in np.ndindex(value.shape):
-            if band[where] > 0 and abs(value[where]) > ROUND_OFF * np.broadcast_to(scale, value.shape)[where]:
+            if (
+                band[where] > 0
+                and abs(value[where]) > ROUND_OFF * np.broadcast_to(scale, value.shape)[where]
+            ):
                 text = (
-                    f"{mechanism.name} {name}{list(where)}: {value[where]:.8g} ± {band[where]:.2g}, {wanted[where]:.8g}"
+                    f"{mechanism.name} {name}{list(where)}: {value[where]:.8g} ± "
+                    f"{band[where]:.2g}, {wanted[where]:.8g}"
                 )
                 relative = band[where] / abs(value[where])
-                found[name].append((abs(value[where] - wanted[where]) / band[where], relative, text))
+                found[name].append(
+                    (abs(value[where] - wanted[where]) / band[where], relative, text)
+                )
     return found
 
 
 def double_guide(rng: Random, name: str) -> flexfem.Mechanism:
-    """A bar between two fixed bars, on leaves on both of its sides, which are stretched as it moves."""
-    draw, width, half = Drawing(rng), float(rng.uniform(6, 10)), float(rng.uniform(12, 25))
-    span, neck = half + width, float(rng.uniform(0.4, 1.0))
+    """A bar between two fixed bars, on leaves on both of its sides, which are stretched as it
+    moves.
+    """
+    draw = Drawing(rng)
+    width = float(rng.uniform(6, 10))
+    half = float(rng.uniform(12, 25))
+    span = half + width
+    neck = float(rng.uniform(0.4, 1.0))
     draw.bar("stage", [-span + 0j, span + 0j], width)
     for side, where in ((1j, "upper"), (-1j, "lower")):
         long = float(rng.uniform(12, 30)) * neck
-        leaf = {"shape": "leaf", "neck": neck, "length": long, "fillet": float(rng.uniform(0.3, 1)) * neck}
+        leaf = {
+            "shape": "leaf",
+            "neck": neck,
+            "length": long,
+            "fillet": float(rng.uniform(0.3, 1)) * neck,
+        }
         base = side * (width + long)
         draw.bar(where, [base - span, base + span], width, fixed=True)
         for k, x in enumerate((-half, half)):
@@ -405,7 +495,9 @@ def drawn_at_random(rng: Random, count: int, solid: bool) -> Iterator[flexfem.Me
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--mechanisms", type=int, default=24)
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--order", type=int, default=5)
@@ -429,8 +521,10 @@ def main() -> None:
         worst = sorted(one, reverse=True)
         outside = sum(ratio > 1 for ratio, _, _ in one)
         width = 100 * np.median([relative for _, relative, _ in one])
-        print(f"{name:14} {outside:4} of {len(one):4} outside their bands; largest error / band {worst[0][0]:.2f}; "
-              f"median band {width:.2g} %")  # fmt: skip
+        print(
+            f"{name:14} {outside:4} of {len(one):4} outside their bands; largest error / band "
+            f"{worst[0][0]:.2f}; median band {width:.2g} %"
+        )
         print(*(f"    {ratio:6.2f}: {text}" for ratio, _, text in worst[:6]), sep="\n")
 
 

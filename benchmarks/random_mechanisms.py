@@ -1,7 +1,9 @@
-"""Analytic network, with rigid and with elastic bodies, against plane finite elements on random mechanisms.
+"""Analytic network, with rigid and with elastic bodies, against plane finite elements on random
+mechanisms.
 
-Rings of bars, legs copied by rotation, and guides copied by a mirror image, with hinges of all shapes and one actuator
-or more. The largest difference counts, per cent of the largest component, for compliances of the root of both along.
+Rings of bars, legs copied by rotation, and guides copied by a mirror image, with hinges of all
+shapes and one actuator or more. The largest difference counts, per cent of the largest component,
+for compliances of the root of both along.
 
     python benchmarks/random_mechanisms.py --mechanisms 50 --seed 1
 """
@@ -24,22 +26,43 @@ from flexfem.mechanism.profiles import profile_of
 from flexfem.questions.plates import ElasticParts, elements, model_of, network, parts_of
 from flexfem.questions.stiffness import of_ports
 
-RESOLUTION, LARGE, MODELS = 6, 10.0, ("analytic", "elastic bodies")  # of elements; per cent of the latter that is named
-QUANTITIES = ("output compliance", "input compliance", "drive to output", "stress", "weight", "heat", "first frequency")
+RESOLUTION = 6
+LARGE = 10.0
+MODELS = ("analytic", "elastic bodies")  # of elements; per cent of the latter that is named
+QUANTITIES = (
+    "output compliance",
+    "input compliance",
+    "drive to output",
+    "stress",
+    "weight",
+    "heat",
+    "first frequency",
+)
 Part = dict[str, Any]
 Random = np.random.Generator
 
 
 def hinge(rng: Random, width: float) -> tuple[Part, float]:
     """A random profile that is at most as high as a bar of this width, and its length."""
-    neck, shape = rng.uniform(0.06, 0.12) * width, rng.choice(["circular", "elliptical", "leaf", "parabolic", "v", ""])
+    neck = rng.uniform(0.06, 0.12) * width
+    shape = rng.choice(["circular", "elliptical", "leaf", "parabolic", "v", ""])
     depth = float(rng.uniform(0.5, 0.95) * (width - neck) / 2)
-    length, x = float(rng.uniform(1.5, 4) * depth), np.linspace(0, 1, 9)
+    length = float(rng.uniform(1.5, 4) * depth)
+    x = np.linspace(0, 1, 9)
     heights = neck + 2 * depth * np.abs(2 * x - 1) ** rng.uniform(2, 4)
     forms: dict[str, Part] = {
         "circular": {"neck": neck, "radius": depth},
-        "leaf": {"neck": neck, "length": rng.uniform(5, 25) * neck, "fillet": rng.uniform(0.2, 1) * neck},
-        "v": {"neck": neck, "depth": depth, "angle": rng.uniform(0.7, 1.6), "root_radius": rng.uniform(0.5, 2) * neck},
+        "leaf": {
+            "neck": neck,
+            "length": rng.uniform(5, 25) * neck,
+            "fillet": rng.uniform(0.2, 1) * neck,
+        },
+        "v": {
+            "neck": neck,
+            "depth": depth,
+            "angle": rng.uniform(0.7, 1.6),
+            "root_radius": rng.uniform(0.5, 2) * neck,
+        },
         "": {"table": np.column_stack([length * x, heights]).tolist(), "smooth": True},
     }
     form = forms.get(shape, {"neck": neck, "depth": depth, "length": length})
@@ -50,38 +73,63 @@ class Drawing:
     """Parts of a mechanism that are drawn in turned and shifted axes."""
 
     def __init__(self, rng: Random) -> None:
-        self.rng, self.turn, self.shift = rng, cmath.exp(2j * np.pi * rng.random()), complex(*rng.uniform(-50, 50, 2))
-        self.parts: dict[str, list[Part]] = {name: [] for name in ("body", "hinge", "actuator", "copies")}
+        self.rng, self.turn, self.shift = (
+            rng,
+            cmath.exp(2j * np.pi * rng.random()),
+            complex(*rng.uniform(-50, 50, 2)),
+        )
+        self.parts: dict[str, list[Part]] = {
+            name: [] for name in ("body", "hinge", "actuator", "copies")
+        }
 
     def at(self, z: complex) -> tuple[float, float]:
         placed = self.turn * z + self.shift
         return placed.real, placed.imag
 
     def bar(self, name: str, points: list[complex], width: float, **others: Any) -> None:
-        self.parts["body"].append({"name": name, "path": list(map(self.at, points)), "width": width, **others})
+        self.parts["body"].append(
+            {"name": name, "path": list(map(self.at, points)), "width": width, **others}
+        )
 
-    def hinge(self, name: str, between: tuple[str, str], z: complex, direction: complex, profile: Part) -> None:
+    def hinge(
+        self, name: str, between: tuple[str, str], z: complex, direction: complex, profile: Part
+    ) -> None:
         place = {"at": self.at(z), "direction": cmath.phase(direction * self.turn)}
         self.parts["hinge"].append({"name": name, "between": between, **place, **profile})
 
     def drive(self, name: str, between: tuple[str, str], *ends: complex) -> None:
         rating = {"stroke": 0.015, "stiffness": 3e4, "mass": 1e-5}
-        self.parts["actuator"].append({"name": name, "between": between, "at": list(map(self.at, ends)), **rating})
+        self.parts["actuator"].append(
+            {"name": name, "between": between, "at": list(map(self.at, ends)), **rating}
+        )
 
     def mechanism(self, name: str, output: str, z: complex) -> flexfem.Mechanism:
         loaded = {"mass": self.rng.uniform(1e-5, 2e-4), "inertia": self.rng.uniform(0, 0.05)}
         return flexfem.Mechanism(
-            name=name, thickness=self.rng.uniform(5, 20), output={"body": output, "at": self.at(z)},
-            payload=loaded if self.rng.random() < 0.5 else None, frame={"expansion": 1.2e-5},
+            name=name,
+            thickness=self.rng.uniform(5, 20),
+            output={"body": output, "at": self.at(z)},
+            payload=loaded if self.rng.random() < 0.5 else None,
+            frame={"expansion": 1.2e-5},
             material={"name": str(self.rng.choice(["al-7075-t6", "ti-6al-4v", "steel-4340"]))},
-            model=str(self.rng.choice(["plane_stress", "plane_strain"])), **self.parts,
-        )  # fmt: skip
+            model=str(self.rng.choice(["plane_stress", "plane_strain"])),
+            **self.parts,
+        )
 
 
 def ring(rng: Random, name: str) -> flexfem.Mechanism:
-    """Bars from hinge to hinge around a ring, one of them fixed; without one hinge it is an open chain."""
-    draw, count, width = Drawing(rng), int(rng.integers(4, 7)), float(rng.uniform(6, 10))
-    p = (1 + rng.uniform(-0.15, 0.15, count)) * 11 * count * np.exp(2j * np.pi * np.arange(count) / count)
+    """Bars from hinge to hinge around a ring, one of them fixed; without one hinge it is an open
+    chain.
+    """
+    draw = Drawing(rng)
+    count = int(rng.integers(4, 7))
+    width = float(rng.uniform(6, 10))
+    p = (
+        (1 + rng.uniform(-0.15, 0.15, count))
+        * 11
+        * count
+        * np.exp(2j * np.pi * np.arange(count) / count)
+    )
     d = 1j * p / abs(p) * np.exp(1j * rng.uniform(-0.5, 0.5, count))
     profiles, lengths = zip(*(hinge(rng, width) for _ in p), strict=True)
     stub = d * (np.array(lengths) / 2 + 0.8 * width)
@@ -90,28 +138,49 @@ def ring(rng: Random, name: str) -> flexfem.Mechanism:
         ends = [p[k], p[k] + stub[k], p[after] - stub[after], p[after]]
         draw.bar(f"bar {k}", ends[k == missing : 4 - (after == missing)], width, fixed=k == 0)
         if k != missing:
-            draw.hinge(f"hinge {k}", (f"bar {(k - 1) % count}", f"bar {k}"), p[k], d[k], profiles[k])
+            draw.hinge(
+                f"hinge {k}", (f"bar {(k - 1) % count}", f"bar {k}"), p[k], d[k], profiles[k]
+            )
     middle = (p + stub + np.roll(p - stub, -1)) / 2
     out, *driven = 1 + rng.permutation(count - 1)
     for k in driven[: int(rng.integers(1, 3))]:
-        carrier, start = [("ground", middle[k] * 1.4), (f"bar {out}", middle[out])][int(rng.random() < 0.3)]
+        carrier, start = [("ground", middle[k] * 1.4), (f"bar {out}", middle[out])][
+            int(rng.random() < 0.3)
+        ]
         draw.drive(f"drive {k}", (carrier, f"bar {k}"), start, middle[k])
     return draw.mechanism(name, f"bar {out}", middle[out] * rng.uniform(0, 1))
 
 
 def legs(rng: Random, name: str) -> flexfem.Mechanism:
-    """A stage, a polygon with a hole, on legs of two hinges; the pads are fixed, or clamped at their ends."""
-    draw, count, width, side = Drawing(rng), int(rng.integers(2, 5)), float(rng.uniform(6, 10)), rng.uniform(9, 13)
-    corners = side / np.cos(np.pi / 2 / count) * np.exp(1j * np.pi * (np.arange(2 * count) + 0.5) / count)
-    whole: Part = {"outline": list(map(draw.at, corners)), "holes": [{"centre": draw.at(0j), "radius": 0.45 * side}]}
+    """A stage, a polygon with a hole, on legs of two hinges; the pads are fixed, or clamped at
+    their ends.
+    """
+    draw = Drawing(rng)
+    count = int(rng.integers(2, 5))
+    width = float(rng.uniform(6, 10))
+    side = rng.uniform(9, 13)
+    corners = (
+        side / np.cos(np.pi / 2 / count) * np.exp(1j * np.pi * (np.arange(2 * count) + 0.5) / count)
+    )
+    whole: Part = {
+        "outline": list(map(draw.at, corners)),
+        "holes": [{"centre": draw.at(0j), "radius": 0.45 * side}],
+    }
     draw.parts["body"].append({"name": "stage", **whole})
-    (inner, near), (outer, far) = hinge(rng, min(width, 1.6 * side * np.tan(np.pi / 2 / count))), hinge(rng, width)
-    bend, first = cmath.exp(1j * rng.uniform(-1, 1)), side + near / 2 + 0j
+    inner, near = hinge(rng, min(width, 1.6 * side * np.tan(np.pi / 2 / count)))
+    outer, far = hinge(rng, width)
+    bend = cmath.exp(1j * rng.uniform(-1, 1))
+    first = side + near / 2 + 0j
     knee = first + near / 2 + width
     second = knee + bend * (rng.uniform(10, 35) + width + far / 2)
     draw.bar("leg", [first, knee, second], width)
     held: Part = {"fixed": True} if rng.random() < 0.5 else {"clamped_edges": [2]}
-    draw.bar("pad", [second, second + bend * (far / 2 + 1.5 * width)], width * rng.uniform(1, 1.5), **held)
+    draw.bar(
+        "pad",
+        [second, second + bend * (far / 2 + 1.5 * width)],
+        width * rng.uniform(1, 1.5),
+        **held,
+    )
     draw.hinge("inner", ("stage", "leg"), first, 1 + 0j, inner)
     draw.hinge("outer", ("leg", "pad"), second, bend, outer)
     draw.drive("drive", ("ground", "leg"), knee + bend * (width + 25j), knee + bend * width)
@@ -122,11 +191,16 @@ def legs(rng: Random, name: str) -> flexfem.Mechanism:
 
 def guide(rng: Random, name: str) -> flexfem.Mechanism:
     """A bar on two legs, the second a mirror image, above a fixed bar."""
-    draw, width, half = Drawing(rng), float(rng.uniform(6, 10)), rng.uniform(15, 30)
-    (upper, high), (lower, deep) = hinge(rng, width), hinge(rng, width)
+    draw = Drawing(rng)
+    width = float(rng.uniform(6, 10))
+    half = rng.uniform(15, 30)
+    upper, high = hinge(rng, width)
+    lower, deep = hinge(rng, width)
     top = half - 0.5j * (width + high)
     low = top - 1j * (high / 2 + rng.uniform(8, 30) + deep / 2)
-    span, base, pushes = half + width + 0j, low.imag * 1j - 0.5j * (deep + width), int(rng.integers(3))
+    span = half + width + 0j
+    base = low.imag * 1j - 0.5j * (deep + width)
+    pushes = int(rng.integers(3))
     draw.bar("stage", [-span, span], width)
     draw.bar("leg", [top, low], width)
     draw.bar("base", [base - span, base + span], width, fixed=True)
@@ -142,8 +216,11 @@ def guide(rng: Random, name: str) -> flexfem.Mechanism:
 
 
 def quantities(mechanism: flexfem.Mechanism, label: str) -> list[Array]:
-    """Values of one model in the order of QUANTITIES; a row for each load, but in the compliance of the ports."""
-    layout, pull = mechanism.layout, np.array([[0.0, -9806.65], [9806.65, 0.0]])
+    """Values of one model in the order of QUANTITIES; a row for each load, but in the compliance of
+    the ports.
+    """
+    layout = mechanism.layout
+    pull = np.array([[0.0, -9806.65], [9806.65, 0.0]])
     heat = float(mechanism.material.expansion or 0.0), float(mechanism.frame.expansion or 0.0)
     if label in MODELS:
         parts = parts_of(mechanism) if label == "elastic bodies" else ElasticParts()
@@ -152,11 +229,17 @@ def quantities(mechanism: flexfem.Mechanism, label: str) -> list[Array]:
         warm, _ = plates.warmed(layout, *heat, parts.bodies, hinges=parts.hinges)
         lowest = plates.modes(layout, parts.bodies, hinges=parts.hinges)[:1]
     else:
-        model, response = model_of(mechanism, RESOLUTION), elements(mechanism, RESOLUTION)
-        weight, warm = model.weighed(model.mass, pull).motions, ports.warmed(model, *heat).motions
+        model = model_of(mechanism, RESOLUTION)
+        response = elements(mechanism, RESOLUTION)
+        weight = model.weighed(model.mass, pull).motions
+        warm = ports.warmed(model, *heat).motions
         lowest = ports.plate_modes(model, 1).frequencies[:1]
-    C, lever = response.compliance, np.array([1.0, 1.0, layout.lever])
-    if np.max(np.abs(C - C.T)) > 1e-9 * np.max(np.abs(C)) or np.linalg.eigvalsh(C).min() < -1e-9 * np.abs(C).max():
+    C = response.compliance
+    lever = np.array([1.0, 1.0, layout.lever])
+    if (
+        np.max(np.abs(C - C.T)) > 1e-9 * np.max(np.abs(C))
+        or np.linalg.eigvalsh(C).min() < -1e-9 * np.abs(C).max()
+    ):
         raise ArithmeticError(f"the compliance of {label} is not symmetric and positive")
     stress = np.max(of_ports(mechanism, response)["stress"], axis=0)
     return [C, stress[:, None], weight[:3].T * lever, warm[:3].T * lever, lowest[:, None]]
@@ -166,24 +249,40 @@ def differences(values: list[Array], reference: list[Array], drives: list[int]) 
     """Per cent by which each quantity differs from the reference."""
     sizes = [np.max(np.abs(of), axis=1, keepdims=True) for of in reference]
     sizes[0] = np.sqrt(np.outer(*2 * [np.diag(reference[0])]))
-    C, *others = (np.abs(one - of) / size for one, of, size in zip(values, reference, sizes, strict=True))
-    return [100 * float(np.max(block)) for block in (C[:3, :3], np.diag(C)[drives], C[:3, drives], *others)]
+    C, *others = (
+        np.abs(one - of) / size for one, of, size in zip(values, reference, sizes, strict=True)
+    )
+    return [
+        100 * float(np.max(block))
+        for block in (C[:3, :3], np.diag(C)[drives], C[:3, drives], *others)
+    ]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--mechanisms", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    rng, found, named = np.random.default_rng(arguments.seed), [], list[str]()
+    rng = np.random.default_rng(arguments.seed)
+    found = []
+    named = list[str]()
     for number in range(arguments.mechanisms):
-        family, start, about = (ring, legs, guide)[int(rng.integers(3))], time.perf_counter(), ""
+        family = (ring, legs, guide)[int(rng.integers(3))]
+        start = time.perf_counter()
+        about = ""
         name = f"{family.__name__} {number + 1}"
         try:
             mechanism = family(rng, name)
-            about = f", {mechanism.model}, " + " ".join(sorted({one.shape for one in mechanism.hinge}))
-            reference, drives = quantities(mechanism, "finite elements"), mechanism.layout.drive_ports
-            found.append([differences(quantities(mechanism, label), reference, drives) for label in MODELS])
+            about = f", {mechanism.model}, " + " ".join(
+                sorted({one.shape for one in mechanism.hinge})
+            )
+            reference = quantities(mechanism, "finite elements")
+            drives = mechanism.layout.drive_ports
+            found.append(
+                [differences(quantities(mechanism, label), reference, drives) for label in MODELS]
+            )
             off = dict(zip(QUANTITIES, found[-1][1], strict=True))
             large = [f"{quantity} {one:.1f} %" for quantity, one in off.items() if not one < LARGE]
         except Exception:

@@ -1,9 +1,10 @@
-"""Calibrated hinges with elastic links and platform against extrapolated finite elements, on random feasible stages.
+"""Calibrated hinges with elastic links and platform against extrapolated finite elements, on random
+feasible stages.
 
     python benchmarks/random_stages.py [--stages 40] [--seed 2003]
 
-All dimensions are drawn, notches differ by position, and what cannot be made or is off the hinge chart is drawn again.
-"""
+All dimensions are drawn, notches differ by position, and what cannot be made or is off the hinge
+chart is drawn again."""
 
 from __future__ import annotations
 
@@ -30,13 +31,16 @@ def draw(rng: np.random.Generator) -> Stage:
 
 
 def unlike(rng: np.random.Generator) -> dict[str, Any]:
-    """As `dimensions`, with nine notches that scatter: by 0.5 to 30 % from stage to stage, evenly in its logarithm."""
+    """As `dimensions`, with nine notches that scatter: by 0.5 to 30 % from stage to stage, evenly
+    in its logarithm.
+    """
     return scattered(dimensions(rng), rng)
 
 
 def scattered(drawn: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
     """Dimensions with nine notches that scatter, as of `unlike`."""
-    scatter, notches = 10 ** rng.uniform(np.log10(0.005), np.log10(0.3)), []
+    scatter = 10 ** rng.uniform(np.log10(0.005), np.log10(0.3))
+    notches = []
     for chain in (1, 2, 3):
         for name in HINGE_NAMES:
             factors = np.exp(scatter * rng.uniform(-1, 1, 2))
@@ -56,7 +60,10 @@ def dimensions(rng: np.random.Generator) -> dict[str, Any]:
 
     def hinge() -> dict[str, float]:
         radius = number(0.9, min(4.5, 0.45 * width))
-        return {"radius_mm": radius, "neck_mm": min(number(0.06, 0.6) * radius, width - 2 * radius - 1e-3)}
+        return {
+            "radius_mm": radius,
+            "neck_mm": min(number(0.06, 0.6) * radius, width - 2 * radius - 1e-3),
+        }
 
     sheet = {
         "name": "random",
@@ -81,7 +88,8 @@ def dimensions(rng: np.random.Generator) -> dict[str, Any]:
 
 def drawn(count: int, seed: int) -> Iterator[Stage]:
     """So many stages that can be made and are on the hinge chart, one after the other."""
-    rng, found = np.random.default_rng(seed), 0
+    rng = np.random.default_rng(seed)
+    found = 0
     while found < count:
         stage = draw(rng)
         try:
@@ -97,32 +105,40 @@ def deviation(stage: Stage) -> Array:
     """Per cent (3,) by which the analytic compliance is off the extrapolated one, in x, y, theta."""
     analytic = np.diag(analyse(stage, 21, "calibrated", links=True).compliance)
     solved = np.array([np.diag(solve_stage(stage, n).compliance) for n in RESOLUTIONS])
-    limits = [grid_convergence(np.array(RESOLUTIONS), solved[:, k], 0.0).extrapolated for k in range(3)]
+    limits = [
+        grid_convergence(np.array(RESOLUTIONS), solved[:, k], 0.0).extrapolated for k in range(3)
+    ]
     return 100 * (analytic / np.array(limits) - 1)
 
 
 def described(stage: Stage) -> str:
     """The geometry of a stage in one line."""
-    chain, platform = stage.chain, stage.platform
+    chain = stage.chain
+    platform = stage.platform
     lengths = ", ".join(f"{length:.1f}" for length in chain.link_lengths)
     angles = ", ".join(f"{angle:.0f}" for angle in np.rad2deg(chain.joint_angles))
     hinges = [(name, stage.hinge(1, name)) for name in HINGE_NAMES]
     notches = ", ".join(
-        f"{name} R {hinge.radius:.2f} t {hinge.neck:.2f} H/h {chain.link_width / (2 * hinge.radius + hinge.neck):.2f}"
+        f"{name} R {hinge.radius:.2f} t {hinge.neck:.2f} H/h "
+        f"{chain.link_width / (2 * hinge.radius + hinge.neck):.2f}"
         for name, hinge in hinges
     )
     return (
-        f"links {lengths} mm, {chain.link_width:.1f} mm wide, {stage.thickness:.1f} mm thick; angles {angles} deg; "
-        f"{notches}; disc {platform.radius:.1f} mm, hub {platform.hub_radius:.1f} mm"
+        f"links {lengths} mm, {chain.link_width:.1f} mm wide, {stage.thickness:.1f} mm thick; "
+        f"angles {angles} deg; {notches}; disc {platform.radius:.1f} mm, hub "
+        f"{platform.hub_radius:.1f} mm"
     )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--stages", type=int, default=40)
     parser.add_argument("--seed", type=int, default=2003)
     arguments = parser.parse_args()
-    stages, found = [], []
+    stages = []
+    found = []
     for stage in drawn(arguments.stages, arguments.seed):
         stages.append(stage)
         found.append(deviation(stage))

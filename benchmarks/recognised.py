@@ -2,11 +2,11 @@
 
     python benchmarks/recognised.py --mechanisms 100 --seed 1
 
-The contour of the plate is all that is known of a mechanism. It is found again when it has as many bodies, with the
-same areas, and when every hinge has its shape, place, direction and dimensions within 1 um. A table has its length and
-heights, as its rows may lie elsewhere. The mechanisms are those of `random_mechanisms.py`, and chains of bars 3 to
-30 mm wide with necks of 0.2 to 1 mm and holes, also with notches on one side.
-"""
+The contour of the plate is all that is known of a mechanism. It is found again when it has as many
+bodies, with the same areas, and when every hinge has its shape, place, direction and dimensions
+within 1 um. A table has its length and heights, as its rows may lie elsewhere. The mechanisms are
+those of `random_mechanisms.py`, and chains of bars 3 to 30 mm wide with necks of 0.2 to 1 mm and
+holes, also with notches on one side."""
 
 from __future__ import annotations
 
@@ -38,7 +38,9 @@ SIDES = (None, None, "left", "right")
 
 
 def slender_hinge(rng: Random, width: float) -> tuple[Part, float]:
-    """A random profile of any shape with a neck of 0.2 to 1 mm for a bar of a width, mm, and its length."""
+    """A random profile of any shape with a neck of 0.2 to 1 mm for a bar of a width, mm, and its
+    length.
+    """
     neck = float(rng.uniform(0.2, 1.0))
     depth = float(rng.uniform(0.6, 0.95)) * (width - neck) / 2
     length = float(rng.uniform(1.5, 4.0)) * depth
@@ -47,15 +49,31 @@ def slender_hinge(rng: Random, width: float) -> tuple[Part, float]:
     rise = depth * (1 - np.cos(np.pi * x))
     one = rng.uniform(0.5, 1.0)
     rows = np.column_stack([x * length, neck / 2 + rise, neck / 2 + one * rise])
-    straight = [[0, neck + 2 * depth], [0.4 * length, neck], [0.6 * length, neck], [length, neck + 2 * depth]]
+    straight = [
+        [0, neck + 2 * depth],
+        [0.4 * length, neck],
+        [0.6 * length, neck],
+        [length, neck + 2 * depth],
+    ]
     forms: list[tuple[str, Part]] = [
         ("circular", {"neck": neck, "radius": depth}),
         ("elliptical", {"neck": neck, "depth": depth, "length": length}),
         ("parabolic", {"neck": neck, "depth": depth, "length": length}),
-        ("filleted", {"neck": neck, "length": 2 * fillet + rng.uniform(0.5, 4.0), "fillet": fillet}),
+        (
+            "filleted",
+            {"neck": neck, "length": 2 * fillet + rng.uniform(0.5, 4.0), "fillet": fillet},
+        ),
         ("leaf", {"neck": neck, "length": rng.uniform(6.0, 50.0), "fillet": min(fillet, 1.0)}),
         ("leaf", {"neck": neck, "length": rng.uniform(6.0, 50.0)}),
-        ("v", {"neck": neck, "depth": depth, "angle": rng.uniform(0.5, 2.0), "root_radius": 0.3 * depth}),
+        (
+            "v",
+            {
+                "neck": neck,
+                "depth": depth,
+                "angle": rng.uniform(0.5, 2.0),
+                "root_radius": 0.3 * depth,
+            },
+        ),
         ("profile", {"table": rows.tolist(), "smooth": True}),
         ("profile", {"table": straight}),
     ]
@@ -68,9 +86,11 @@ def slender_hinge(rng: Random, width: float) -> tuple[Part, float]:
 
 def chain(rng: Random, name: str) -> flexfem.Mechanism:
     """Bars one behind the other, the first one fixed, the last one with a hole."""
-    draw, width = Drafting(rng), float(rng.uniform(3.0, 30.0))
+    draw = Drafting(rng)
+    width = float(rng.uniform(3.0, 30.0))
     count = int(rng.integers(2, 7))
-    place, ahead = 0j, 1 + 0j
+    place = 0j
+    ahead = 1 + 0j
     bends = [-2 * width - 10 + 0j]
     for k in range(count):
         profile, length = slender_hinge(rng, width)
@@ -95,7 +115,10 @@ def drawing_of(layout: Layout) -> Drawing:
 
 def profile_found(hinge: FoundHinge) -> Profile:
     """Profile of a found hinge."""
-    values = {key: math.radians(value) if key == "angle" else value for key, value in hinge.dimensions.items()}
+    values = {
+        key: math.radians(value) if key == "angle" else value
+        for key, value in hinge.dimensions.items()
+    }
     if hinge.table:
         return profile_of("profile", {"table": hinge.table, "smooth": hinge.smooth})
     return profile_of(hinge.shape, values | ({"side": hinge.side} if hinge.side else {}))
@@ -117,11 +140,14 @@ def departures(layout: Layout, found: FoundPlate) -> list[str]:
 def hinge_departures(joint: Joint, found: FoundPlate) -> list[str]:
     """What of a hinge is not as in a mechanism."""
     hinge = min(found.hinges, key=lambda each: abs(each.place - joint.place))
-    drawn, profile = joint.profile, profile_found(hinge)
+    drawn = joint.profile
+    profile = profile_found(hinge)
     backwards = math.cos(hinge.heading - joint.heading) < 0
     what = f"{joint.name}, {type(drawn).__name__} {drawn.side or ''}"
     if type(profile) is not type(drawn):
-        return [f"{what}: {hinge.shape} {hinge.side or ''} {hinge.dimensions} instead of {drawn}"[:300]]
+        return [
+            f"{what}: {hinge.shape} {hinge.side or ''} {hinge.dimensions} instead of {drawn}"[:300]
+        ]
     if not isinstance(drawn, Tabulated):
         side = {"left": "right", "right": "left"}.get(drawn.side or "") if backwards else drawn.side
         values = {key: value for key, value in vars(drawn).items() if isinstance(value, float)}
@@ -129,7 +155,10 @@ def hinge_departures(joint: Joint, found: FoundPlate) -> list[str]:
         wrong = {key: value for key, value in off.items() if abs(value) > MICROMETRE}
         if profile.side != side or wrong:
             return [f"{what}: {wrong}, side {profile.side} instead of {side}"]
-    if abs(hinge.place - joint.place) > MICROMETRE or abs(math.sin(hinge.heading - joint.heading)) > PARALLEL:
+    if (
+        abs(hinge.place - joint.place) > MICROMETRE
+        or abs(math.sin(hinge.heading - joint.heading)) > PARALLEL
+    ):
         aside = (hinge.place - joint.place) * cmath.exp(-1j * joint.heading)
         return [f"{what}: {aside:.4f} off, lengths {profile.length:.4f} and {drawn.length:.4f}"]
     if not isinstance(drawn, Tabulated):
@@ -142,11 +171,16 @@ def hinge_departures(joint: Joint, found: FoundPlate) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--mechanisms", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    found, hinges, longest, number = 0, 0, 0.0, 0
+    found = 0
+    hinges = 0
+    longest = 0.0
+    number = 0
     while number < arguments.mechanisms:
         rng = np.random.default_rng([arguments.seed, number])
         family = (chain, ring, legs, guide)[number % 4]
@@ -169,7 +203,10 @@ def main() -> None:
         hinges += len(mechanism.layout.joints)
         if texts:
             print(f"{name:10} {took:5.2f} s", *texts, sep="\n     ", flush=True)
-    print(f"{found} of {number} mechanisms with {hinges} hinges are found again; at most {longest:.2f} s for one")
+    print(
+        f"{found} of {number} mechanisms with {hinges} hinges are found again; at most "
+        f"{longest:.2f} s for one"
+    )
 
 
 if __name__ == "__main__":

@@ -2,9 +2,8 @@
 
     python benchmarks/solid.py [--stage geometry/mobility6.toml] [--reference 8 4]
 
-Every row is a process of its own, so that its memory is its own. The reference is the finest mesh, moved to vanishing
-triangles and layers by the changes of coarser ones with order four.
-"""
+Every row is a process of its own, so that its memory is its own. The reference is the finest mesh,
+moved to vanishing triangles and layers by the changes of coarser ones with order four."""
 
 from __future__ import annotations
 
@@ -28,7 +27,8 @@ def solved(stage: str, resolution: int, layers: int) -> dict[str, object]:
     from flexfem import load
     from flexfem.questions.bands import solve_solid
 
-    of, started = load(stage), time.perf_counter()
+    of = load(stage)
+    started = time.perf_counter()
     found = solve_solid(of, resolution, layers)
     return {
         "compliance": np.diag(found.compliance).tolist(),
@@ -55,7 +55,10 @@ def main() -> None:
         print(json.dumps(solved(given.stage, *given.one)))
         return
     finest, many = given.reference
-    values = {key: in_a_process(given.stage, *key) for key in dict.fromkeys([*ROWS, (3, 2), (3, many), (finest, 2)])}
+    values = {
+        key: in_a_process(given.stage, *key)
+        for key in dict.fromkeys([*ROWS, (3, 2), (3, many), (finest, 2)])
+    }
     at = {key: np.array(each["compliance"]) for key, each in values.items()}
     in_plane = at[finest, 2] + (at[finest, 2] - at[4, 2]) / ((finest / 4) ** ORDER - 1)
     of_layers = at[3, many] + (at[3, many] - at[3, 2]) / ((many / 2) ** ORDER - 1)
@@ -63,8 +66,11 @@ def main() -> None:
     print(f"reference: {truth}")
     for key, each in values.items():
         error = 100 * np.max(np.abs(at[key] / truth - 1))
-        print(f"resolution {key[0]}, {key[1]} layers: {error:.3f} %, {each['unknowns']} unknowns, "
-              f"{each['seconds']:.1f} s, {each['memory']:.2f} GB", flush=True)  # fmt: skip
+        print(
+            f"resolution {key[0]}, {key[1]} layers: {error:.3f} %, {each['unknowns']} unknowns, "
+            f"{each['seconds']:.1f} s, {each['memory']:.2f} GB",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

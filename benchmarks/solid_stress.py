@@ -1,12 +1,13 @@
-"""The highest neck stress of the analytic model against finite elements of whole stages in three dimensions.
+"""The highest neck stress of the analytic model against finite elements of whole stages in three
+dimensions.
 
     python benchmarks/solid_stress.py [--stages 8] [--seed 4111]
 
-The reference stages and random ones of other thicknesses and Poisson's ratios, elastic links; per cent above the finite
-elements per displacement in x, y and theta, of `model = "corrected"` with every hinge formula in its range, and of
-plane stress and plane strain with calibrated hinges. The finite elements are those of resolution 4 and 3 layers, moved
-by what resolution 8 changes with one layer, and 6 layers at resolution 2.
-"""
+The reference stages and random ones of other thicknesses and Poisson's ratios, elastic links; per
+cent above the finite elements per displacement in x, y and theta, of `model = "corrected"` with
+every hinge formula in its range, and of plane stress and plane strain with calibrated hinges. The
+finite elements are those of resolution 4 and 3 layers, moved by what resolution 8 changes with one
+layer, and 6 layers at resolution 2."""
 
 from __future__ import annotations
 
@@ -36,7 +37,10 @@ def stages(count: int, seed: int) -> Iterator[Stage]:
         yield load_stage(GEOMETRY / f"mobility{mobility}.toml").replace(model="corrected")
     rng = np.random.default_rng(seed)
     while count:
-        drawn = dimensions(rng) | {"model": "corrected", "thickness_mm": float(np.exp(rng.uniform(*np.log([1, 25]))))}
+        drawn = dimensions(rng) | {
+            "model": "corrected",
+            "thickness_mm": float(np.exp(rng.uniform(*np.log([1, 25])))),
+        }
         drawn["material"]["poissons_ratio"] = float(rng.uniform(0.12, 0.44))
         stage = Stage.model_validate(drawn)
         try:
@@ -61,14 +65,20 @@ def in_three_dimensions(stage: Stage) -> Array:
 
 def described(stage: Stage) -> str:
     """What the factors depend on: over all necks."""
-    neck, radius = stage.array("neck"), stage.array("radius")
-    ratio, width = neck / radius, stage.thickness / neck
-    return (f"t/R {ratio.min():.2f}..{ratio.max():.2f}, b/t {width.min():.1f}..{width.max():.1f}, "
-            f"nu {stage.material.poissons_ratio:.2f}")  # fmt: skip
+    neck = stage.array("neck")
+    radius = stage.array("radius")
+    ratio = neck / radius
+    width = stage.thickness / neck
+    return (
+        f"t/R {ratio.min():.2f}..{ratio.max():.2f}, b/t {width.min():.1f}..{width.max():.1f}, "
+        f"nu {stage.material.poissons_ratio:.2f}"
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--stages", type=int, default=8)
     parser.add_argument("--seed", type=int, default=4111)
     arguments = parser.parse_args()
@@ -76,14 +86,27 @@ def main() -> None:
     for stage in stages(arguments.stages, arguments.seed):
         solid = in_three_dimensions(stage)
         sizes = stage.array("radius"), stage.array("neck"), stage.chain.link_width
-        used = [("corrected", name) for name, entry in FORMULAS.items() if np.all(entry.in_range(*sizes))]
-        for model, formula in [*used, ("plane_stress", "calibrated"), ("plane_strain", "calibrated")]:
-            stress = analyse(stage.replace(model=model), None, formula, True).stress.max(axis=(0, 1))
+        used = [
+            ("corrected", name)
+            for name, entry in FORMULAS.items()
+            if np.all(entry.in_range(*sizes))
+        ]
+        for model, formula in [
+            *used,
+            ("plane_stress", "calibrated"),
+            ("plane_strain", "calibrated"),
+        ]:
+            stress = analyse(stage.replace(model=model), None, formula, True).stress.max(
+                axis=(0, 1)
+            )
             found[model, formula].append(100 * (stress / solid - 1))
         x, y, theta = found["corrected", "calibrated"][-1]
         print(f"{described(stage)}: corrected {x:+.2f} {y:+.2f} {theta:+.2f} %", flush=True)
     for (model, formula), percents in found.items():
-        print(f"{model}, {formula}: {np.min(percents):+.1f} to {np.max(percents):+.1f} % on {len(percents)} stages")
+        print(
+            f"{model}, {formula}: {np.min(percents):+.1f} to {np.max(percents):+.1f} % on "
+            f"{len(percents)} stages"
+        )
 
 
 if __name__ == "__main__":

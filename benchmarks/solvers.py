@@ -1,11 +1,12 @@
-"""The same mesh, three unit loads, whole processes: flexfem beside the solvers installed, as ratios of one run.
+"""The same mesh, three unit loads, whole processes: flexfem beside the solvers installed, as ratios
+of one run.
 
     python benchmarks/solvers.py [--resolution 5 15] [--repeats 3] [--only flexfem ngsolve]
 
-A resolution of 5 makes about 27,000 unknowns, 15 about 210,000, 34 about a million. Times are wall seconds of a process
-that imports, loads the mesh, assembles, factors and solves; memory is the peak of that process. Medians of the repeats;
-the solvers take turns, so that a slow minute of the machine meets all of them.
-"""
+A resolution of 5 makes about 27,000 unknowns, 15 about 210,000, 34 about a million. Times are wall
+seconds of a process that imports, loads the mesh, assembles, factors and solves; memory is the peak
+of that process. Medians of the repeats; the solvers take turns, so that a slow minute of the
+machine meets all of them."""
 
 from __future__ import annotations
 
@@ -49,7 +50,9 @@ def flexfem_superlu(mesh: Any, plate: Any) -> Any:
 
 
 def scikit_fem(mesh: Any, plate: Any) -> Any:
-    """scikit-fem as its examples use it: its own vector form and scipy's SuperLU with default ordering."""
+    """scikit-fem as its examples use it: its own vector form and scipy's SuperLU with default
+    ordering.
+    """
     import numpy as np
     from scipy.sparse.linalg import splu
     from skfem import Basis, BilinearForm, ElementTriP2, ElementVector, MeshTri2
@@ -64,7 +67,9 @@ def scikit_fem(mesh: Any, plate: Any) -> Any:
         strain = sym_grad(u)
         return plate.thickness * ddot(lame * eye(trace(strain), 2) + 2 * mu * strain, sym_grad(v))
 
-    theirs = MeshTri2(np.ascontiguousarray(mesh.nodes.T), np.ascontiguousarray(mesh.triangles[:, :3].T))
+    theirs = MeshTri2(
+        np.ascontiguousarray(mesh.nodes.T), np.ascontiguousarray(mesh.triangles[:, :3].T)
+    )
     basis = Basis(theirs, ElementVector(ElementTriP2()), intorder=2)
     stiffness = form.assemble(basis)
     of = structure(mesh, plate)
@@ -74,7 +79,8 @@ def scikit_fem(mesh: Any, plate: Any) -> Any:
     assert len(where) == len(mesh.nodes) and corners == basis.nodal_dofs.shape[1]
     import scipy.sparse as sp
 
-    free, hub = where[of.free].ravel(), where[of.hub].ravel()
+    free = where[of.free].ravel()
+    hub = where[of.hub].ravel()
     coupling = stiffness[hub][:, free]
     whole = sp.block_array(
         [
@@ -164,7 +170,10 @@ def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None
     sectors = mesh_sectors(load_feasible(STAGE), resolution, time_limit=600.0)
     mesh, _ = welded(sectors)
     path.write_bytes(pickle.dumps((sectors, mesh)))
-    print(f"\n{structure(mesh, Plate(*PLATE)).size} unknowns, {len(mesh.triangles)} triangles, {os.cpu_count()} cores")
+    print(
+        f"\n{structure(mesh, Plate(*PLATE)).size} unknowns, {len(mesh.triangles)} triangles, "
+        f"{os.cpu_count()} cores"
+    )
     runs: dict[str, list[tuple[float, float, float]]] = {name: [] for name in names}
     for _ in range(repeats):
         for name in names:
@@ -172,13 +181,20 @@ def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None
     print(f"{'solver':18} {'seconds':>8} {'peak MB':>8} {'flexfem / it':>13} {'compliance xx':>20}")
     for name in names:
         seconds = statistics.median(run[0] for run in runs[name])
-        ratios = [ours[0] / theirs[0] for ours, theirs in zip(runs[names[0]], runs[name], strict=True)]
+        ratios = [
+            ours[0] / theirs[0] for ours, theirs in zip(runs[names[0]], runs[name], strict=True)
+        ]
         memory = max(run[1] for run in runs[name])
-        print(f"{name:18} {seconds:8.2f} {memory:8.0f} {statistics.median(ratios):13.2f} {runs[name][0][2]:20.10e}")
+        print(
+            f"{name:18} {seconds:8.2f} {memory:8.0f} {statistics.median(ratios):13.2f} "
+            f"{runs[name][0][2]:20.10e}"
+        )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--resolution", type=int, nargs="+", default=[5, 15])
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--only", nargs="+", choices=SOLVERS)

@@ -1,10 +1,11 @@
-"""The highest neck stress per displacement by every hinge formula against finite elements, elastic and rigid links.
+"""The highest neck stress per displacement by every hinge formula against finite elements, elastic
+and rigid links.
 
     python benchmarks/stress.py [--stages 6] [--seed 77] [--resolution 6]
 
-The reference stages, and random feasible ones; per cent above the finite elements, smallest and largest of the three
-directions of all stages on which the formula is in its range. The mesh itself is 0.3 to 0.5 % low at resolution 6.
-"""
+The reference stages, and random feasible ones; per cent above the finite elements, smallest and
+largest of the three directions of all stages on which the formula is in its range. The mesh itself
+is 0.3 to 0.5 % low at resolution 6."""
 
 from __future__ import annotations
 
@@ -34,14 +35,18 @@ def above(stage: Stage, resolution: int) -> dict[str, Array]:
     elements = highest(np.moveaxis(flexfem.solve(stage, resolution).neck_stress(np.eye(3)), 0, -1))
     found = {}
     for name, entry in FORMULAS.items():
-        if np.all(entry.in_range(stage.array("radius"), stage.array("neck"), stage.chain.link_width)):
+        if np.all(
+            entry.in_range(stage.array("radius"), stage.array("neck"), stage.chain.link_width)
+        ):
             found[f"{name}, elastic links"] = highest(analyse(stage, None, name, True).stress)
             found[f"{name}, rigid links, mobility 3"] = highest(analyse(stage, 3, name).stress)
     return {name: 100 * (stress / elements - 1) for name, stress in found.items()}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--stages", type=int, default=6)
     parser.add_argument("--seed", type=int, default=77)
     parser.add_argument("--resolution", type=int, default=6)
@@ -53,7 +58,10 @@ def main() -> None:
         for name, percent in above(stage, arguments.resolution).items():
             found[name].append(percent)
     for name, percents in found.items():
-        print(f"{name}: {np.min(percents):+.1f} to {np.max(percents):+.1f} % on {len(percents)} stages")
+        print(
+            f"{name}: {np.min(percents):+.1f} to {np.max(percents):+.1f} % on {len(percents)} "
+            "stages"
+        )
 
 
 if __name__ == "__main__":

@@ -1,11 +1,13 @@
-"""Speed of studies: analytic designs in one process, finite-element designs, and both through a process pool.
+"""Speed of studies: analytic designs in one process, finite-element designs, and both through a
+process pool.
 
-    python benchmarks/study.py [--analytic 1000000] [--meshed 100] [--workers 2] [--collected] [--flushed]
+    python benchmarks/study.py [--analytic 1000000] [--meshed 100] [--workers 2] [--collected]
+    [--flushed]
 
-Analytic designs vary all 31 dimensions of a stage; finite-element designs vary nine necks. Seconds are wall time and
-processor time with that of the workers. `--flushed` compares runs of 10,000 analytic designs with and without the calls
-that wait until files are on the disk, in turn, in the folder for temporary files.
-"""
+Analytic designs vary all 31 dimensions of a stage; finite-element designs vary nine necks. Seconds
+are wall time and processor time with that of the workers. `--flushed` compares runs of 10,000
+analytic designs with and without the calls that wait until files are on the disk, in turn, in the
+folder for temporary files."""
 
 from __future__ import annotations
 
@@ -51,9 +53,17 @@ NECKS = {"override.*.*.neck_mm": (0.45, 0.55)}
 ANALYTIC = 'model = "analytic"\nformula = "calibrated"\nmobility = 21'
 
 
-def study(folder: Path, designs: int, head: str = ANALYTIC, ranges: dict[str, tuple[float, float]] = RANGES) -> Path:
+def study(
+    folder: Path,
+    designs: int,
+    head: str = ANALYTIC,
+    ranges: dict[str, tuple[float, float]] = RANGES,
+) -> Path:
     """A Sobol study of some dimensions."""
-    factors = "".join(f'[[factor]]\nkey = "{key}"\nfrom = {low}\nto = {high}\n' for key, (low, high) in ranges.items())
+    factors = "".join(
+        f'[[factor]]\nkey = "{key}"\nfrom = {low}\nto = {high}\n'
+        for key, (low, high) in ranges.items()
+    )
     path = folder / f"{len(ranges)}.toml"
     path.write_text(
         f'name = "speed"\nstage = "{STAGE}"\n{head}\n'
@@ -70,16 +80,22 @@ def processor_time() -> float:
 
 @contextmanager
 def timed(what: str, designs: int) -> Iterator[None]:
-    wall, busy = time.perf_counter(), processor_time()
+    wall = time.perf_counter()
+    busy = processor_time()
     yield
-    wall, busy = time.perf_counter() - wall, processor_time() - busy
+    wall = time.perf_counter() - wall
+    busy = processor_time() - busy
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    print(f"{what:45} {wall:8.2f} s, {busy:8.2f} s of processor time, {1e6 * busy / designs:9.1f} us a design, "
-          f"{memory:.0f} MB", flush=True)  # fmt: skip
+    print(
+        f"{what:45} {wall:8.2f} s, {busy:8.2f} s of processor time, {1e6 * busy / designs:9.1f} "
+        f"us a design, {memory:.0f} MB",
+        flush=True,
+    )
 
 
 def measure(loaded: LoadedStudy, folder: Path, workers: int, collected: bool) -> None:
-    model, count = loaded.study.model, loaded.count
+    model = loaded.study.model
+    count = loaded.count
     answer(loaded, 0, 2)  # imports
     with timed(f"{model}: {count:,} designs in this process", count):
         for start in range(0, count, 8192):
@@ -104,7 +120,9 @@ class InThisProcess:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def results(self, function: Callable[..., Any], next_task: Callable[[], Any], limit: object) -> Iterator[Any]:
+    def results(
+        self, function: Callable[..., Any], next_task: Callable[[], Any], limit: object
+    ) -> Iterator[Any]:
         while (task := next_task()) is not None:
             yield task, function(*task)
 
@@ -116,7 +134,8 @@ def unflushed_answer(loaded: LoadedStudy, start: int, stop: int) -> Rows:
 
 
 def compare_flushed(loaded: LoadedStudy, folder: Path, workers: int, rounds: int = 9) -> None:
-    """Print the time of a run, and its ratio to a run in which `os.fsync` does nothing; medians over the rounds.
+    """Print the time of a run, and its ratio to a run in which `os.fsync` does nothing; medians
+    over the rounds.
 
     Runs with workers take the time to start them, as the command does; runs in this process do not.
     """
@@ -133,15 +152,24 @@ def compare_flushed(loaded: LoadedStudy, folder: Path, workers: int, rounds: int
                     run_parts(parts, pool, solve)
                 seconds[name].append(time.perf_counter() - began)
         os.fsync = flush
-        ratios = [flushed / not_flushed for flushed, not_flushed in zip(*seconds.values(), strict=True)]
+        ratios = [
+            flushed / not_flushed for flushed, not_flushed in zip(*seconds.values(), strict=True)
+        ]
         found = (
-            f"{1e3 * statistics.median(seconds['flushed']):.0f} ms, {statistics.median(ratios):.3f} times as long as"
+            f"{1e3 * statistics.median(seconds['flushed']):.0f} ms, "
+            f"{statistics.median(ratios):.3f} times as long as"
         )
-        print(f"{loaded.count:,} designs in {place}, on the disk: {found} without, medians of {rounds}", flush=True)
+        print(
+            f"{loaded.count:,} designs in {place}, on the disk: {found} without, medians of "
+            f"{rounds}",
+            flush=True,
+        )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--analytic", type=int, default=1_000_000)
     parser.add_argument("--meshed", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
@@ -155,7 +183,12 @@ def main() -> None:
             compare_flushed(load_study(study(Path(place), 10_000)), Path(place), given.workers)
             return
         if given.analytic:
-            measure(load_study(study(Path(place), given.analytic)), Path(place), given.workers, given.collected)
+            measure(
+                load_study(study(Path(place), given.analytic)),
+                Path(place),
+                given.workers,
+                given.collected,
+            )
         if given.meshed:
             path = study(Path(place), given.meshed, 'model = "fe"', NECKS)
             measure(load_study(path), Path(place), given.workers, given.collected)

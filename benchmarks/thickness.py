@@ -1,10 +1,11 @@
-"""Mechanisms in three dimensions by their hinges, the default, against whole plates in three dimensions.
+"""Mechanisms in three dimensions by their hinges, the default, against whole plates in three
+dimensions.
 
     python benchmarks/thickness.py [--mechanisms 12] [--seed 5] [--thickness-resolution 4]
 
-Mechanisms as in random_mechanisms.py, with a thickness of 0.5 to 60 times the thinnest neck. A band contains the value
-of the whole plate if they differ by less than both bands. Numbers below round-off do not count.
-"""
+Mechanisms as in random_mechanisms.py, with a thickness of 0.5 to 60 times the thinnest neck. A band
+contains the value of the whole plate if they differ by less than both bands. Numbers below
+round-off do not count."""
 
 from __future__ import annotations
 
@@ -42,7 +43,9 @@ def numbers(mechanism: flexfem.Mechanism, layers: int | None) -> dict[str, tuple
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--mechanisms", type=int, default=12)
     parser.add_argument("--seed", type=int, default=5)
     parser.add_argument("--thickness-resolution", type=int, default=4)
@@ -56,7 +59,8 @@ def main() -> None:
         slenderness = float(np.exp(rng.uniform(np.log(0.5), np.log(60))))
         mechanism = drawn.replace(model="three_dimensional", thickness=slenderness * neck)
         try:
-            whole, by_hinges = numbers(mechanism, arguments.thickness_resolution), numbers(mechanism, None)
+            whole = numbers(mechanism, arguments.thickness_resolution)
+            by_hinges = numbers(mechanism, None)
         except ComputationFailed as failure:
             print(f"{mechanism.name}: {failure}", flush=True)
             continue
@@ -69,7 +73,10 @@ def main() -> None:
             if path not in whole or not abs(value) > LEAST * largest[quantity] or not band > 0:
                 continue
             right, its_band = whole[path]
-            text = f"{mechanism.name}, b/t {slenderness:.3g}, {path}: {value:.6g} ± {band:.2g}, whole {right:.6g}"
+            text = (
+                f"{mechanism.name}, b/t {slenderness:.3g}, {path}: {value:.6g} ± {band:.2g}, "
+                f"whole {right:.6g}"
+            )
             ratio = abs(value - right) / (band + np.nan_to_num(its_band))
             ratios[quantity].append((ratio, band / abs(value), text))
         print(f"{mechanism.name}, b/t {slenderness:.3g}", flush=True)
@@ -77,8 +84,10 @@ def main() -> None:
         inside = np.mean([ratio <= 1 for ratio, _, _ in each])
         width = 100 * np.median([relative for _, relative, _ in each])
         worst, _, text = max(each)
-        print(f"{quantity:14} {len(each):5} values, band {width:.2g} % (median), {100 * inside:5.1f} % inside; "
-              f"worst {worst:.2f}: {text}")  # fmt: skip
+        print(
+            f"{quantity:14} {len(each):5} values, band {width:.2g} % (median), "
+            f"{100 * inside:5.1f} % inside; worst {worst:.2f}: {text}"
+        )
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""Where the paper's model can be trusted on a stage as thick as it is: the map of cases/study-trust.toml once more.
+"""Where the paper's model can be trusted on a stage as thick as it is: the map of
+cases/study-trust.toml once more.
 
     python benchmarks/trust.py [--output reports]
 
-The designs of the study, but in the place of plane finite elements the hinges of three-dimensional ones (the thickness
-chart) with elastic links. Draws the map, and prints the error along X and theta where
-the plane one says that necks are thin, and the neck at which it changes its sign.
-"""
+The designs of the study, but in the place of plane finite elements the hinges of three-dimensional
+ones (the thickness chart) with elastic links. Draws the map, and prints the error along X and theta
+where the plane one says that necks are thin, and the neck at which it changes its sign."""
 
 from __future__ import annotations
 
@@ -27,20 +27,23 @@ from flexfem.study.loaded import load_study, sample, stage_of
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
 LINES = (
-    "Hinges of three-dimensional finite elements and elastic links against the analytic model (paros-weisbord, "
-    "mobility 6), stages 10 mm thick. The same designs as in plane stress."
+    "Hinges of three-dimensional finite elements and elastic links against the analytic model "
+    "(paros-weisbord, mobility 6), stages 10 mm thick. The same designs as in plane stress."
 )
 
 
 def errors(stage: Stage) -> np.ndarray:
-    """Errors (thick or plane, x or theta), per cent; nan off the charts or for a design that cannot be made."""
+    """Errors (thick or plane, x or theta), per cent; nan off the charts or for a design that cannot
+    be made.
+    """
     found = np.full((2, 2), np.nan)
     try:
         check_feasible(stage)
         real = (thick_compliance(stage), analyse(stage, 21, CALIBRATED, links=True).compliance)
     except BadInput:
         return found
-    stiffness, lever = analyse(stage, 6).stiffness, stage.chain.link_lengths[2]
+    stiffness = analyse(stage, 6).stiffness
+    lever = stage.chain.link_lengths[2]
     for row, compliance in enumerate(real):
         if compliance is not None:
             found[row] = np.diag(error_matrix(stiffness, compliance, lever))[[0, 2]]
@@ -53,9 +56,15 @@ def main() -> None:
     loaded = load_study(STUDY)
     values = sample(loaded, 0, loaded.count)
     found = np.array([errors(stage_of(loaded, row)) for row in values])
-    radii, necks = np.unique(values[:, 0]), np.unique(values[:, 1])
-    thick, plane, turned = (found[:, i, j].reshape(len(radii), len(necks)) for i, j in ((0, 0), (1, 0), (0, 1)))
-    print("| radius, mm | t, mm | plane, X, % | thick, X, % | thick, theta, % | thick changes sign at t, mm |")
+    radii = np.unique(values[:, 0])
+    necks = np.unique(values[:, 1])
+    thick, plane, turned = (
+        found[:, i, j].reshape(len(radii), len(necks)) for i, j in ((0, 0), (1, 0), (0, 1))
+    )
+    print(
+        "| radius, mm | t, mm | plane, X, % | thick, X, % | thick, theta, % | thick changes sign "
+        "at t, mm |"
+    )
     print("|---:|---:|---:|---:|---:|---:|")
     for k in (0, 5, 10, 19):
         inside = np.isfinite(thick[k])

@@ -1,4 +1,6 @@
-"""Sphinx: pages in Markdown, executed; scripts of examples/ as a gallery; nothing is loaded from a network."""
+"""Sphinx: pages in Markdown, executed; scripts of examples/ as a gallery; nothing is loaded from a
+network.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs/_ext")]
-os.environ["PYTHONPATH"] = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+)
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 os.environ["COLUMNS"] = "110"  # of the tables that commands print
 
@@ -36,7 +40,11 @@ extensions = [
     "outside",
 ]
 extensions += [path.stem for path in sorted((ROOT / "docs/_ext").glob("generate_*.py"))]
-exclude_patterns = ["_ext", "jupyter_execute", *(f"gallery/*.{end}" for end in ("ipynb", "py", "zip", "json", "md5"))]
+exclude_patterns = [
+    "_ext",
+    "jupyter_execute",
+    *(f"gallery/*.{end}" for end in ("ipynb", "py", "zip", "json", "md5")),
+]
 suppress_warnings = ["config.cache", "ref.python"]  # attributes of several classes have one name
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]

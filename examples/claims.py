@@ -2,15 +2,15 @@
 The paper's claims, measured
 ============================
 
-This script tests every claim of Yi, Chung, Na, Kim and Suh (2003) about its two stages. It measures the numbers that
-support or refute a claim on the reference stages by finite elements, and over an ensemble of plausible pairs of stages.
-It then measures what else could have produced the published error curves. `make claims` runs it in two minutes; it
-writes reports/claims.md.
+This script tests every claim of Yi, Chung, Na, Kim and Suh (2003) about its two stages. It measures
+the numbers that support or refute a claim on the reference stages by finite elements, and over an
+ensemble of plausible pairs of stages. It then measures what else could have produced the published
+error curves. `make claims` runs it in two minutes; it writes reports/claims.md.
 
-A claim holds if the 95 % interval of its share of the ensemble lies above 95 %. It does not hold if the interval lies
-below 5 %. The finite elements of the ensemble are replaced by calibrated hinges with elastic pads, links and platform.
-If a possible cause gives errors like those of the paper, this does not show that it was the cause there.
-"""
+A claim holds if the 95 % interval of its share of the ensemble lies above 95 %. It does not hold if
+the interval lies below 5 %. The finite elements of the ensemble are replaced by calibrated hinges
+with elastic pads, links and platform. If a possible cause gives errors like those of the paper,
+this does not show that it was the cause there."""
 
 from __future__ import annotations
 
@@ -72,7 +72,9 @@ try:
     ROOT = Path(__file__).parents[1]
 except NameError:  # where a gallery executes it
     ROOT = Path.cwd().parent
-AMPLITUDE = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: the workspace, assumed; that of the paper is not available
+AMPLITUDE = np.array(
+    [0.05, 0.05, 1e-3]
+)  # mm, mm, rad: the workspace, assumed; that of the paper is not available
 OTHER = ~np.eye(3, dtype=bool)
 solved: Callable[[Stage, int], Response] = cache(solve_stage)
 
@@ -80,10 +82,11 @@ solved: Callable[[Stage, int], Response] = cache(solve_stage)
 class Side(NamedTuple):
     """n stages that are modelled with one mobility, and their results by finite elements.
 
-    bodies : (n, 9, 9), compliance of pads, links and platform.   compliance : (n, 3, 3), by finite elements.
-    stiffness : (n, 3, 3), of the model with rigid links.   percent : (n, 3, 3), error of the finite elements under the
-    force of (18), column j for command j.   band : largest mesh uncertainty along, percentage points.
-    """
+    bodies : (n, 9, 9), compliance of pads, links and platform.   compliance : (n, 3, 3), by finite
+    elements.
+    stiffness : (n, 3, 3), of the model with rigid links.   percent : (n, 3, 3), error of the finite
+    elements under the force of (18), column j for command j.   band : largest mesh uncertainty
+    along, percentage points."""
 
     stages: tuple[Stage, ...]
     designs: Designs
@@ -113,8 +116,13 @@ class Side(NamedTuple):
     def rows(self, which: Array) -> Side:
         """Some of the stages, by a mask (n,) or by places."""
         kept = tuple(self.stages[place] for place in np.arange(len(self.stages))[which])
-        arrays = {name: getattr(self, name)[which] for name in ("bodies", "compliance", "stiffness", "percent")}
-        return self._replace(stages=kept, designs=self.designs.chosen(np.arange(len(self.stages))[which]), **arrays)
+        arrays = {
+            name: getattr(self, name)[which]
+            for name in ("bodies", "compliance", "stiffness", "percent")
+        }
+        return self._replace(
+            stages=kept, designs=self.designs.chosen(np.arange(len(self.stages))[which]), **arrays
+        )
 
     def by(self, formula: str) -> Side:
         """The same stages with another hinge formula in the model."""
@@ -136,7 +144,9 @@ def model_stiffness(designs: Designs, mobility: int, formula: str) -> Array:
 
 
 def stacked(stages: tuple[Stage, ...]) -> Designs:
-    """Stages as arrays, the leading axis stages; values that all stages share are those of the first."""
+    """Stages as arrays, the leading axis stages; values that all stages share are those of the
+    first.
+    """
     each = [lower(stage) for stage in stages]
     found = each[0].repeated(len(each))
     for field in fields(Designs):
@@ -147,8 +157,11 @@ def stacked(stages: tuple[Stage, ...]) -> Designs:
 
 
 def calibrated_side(stages: tuple[Stage, ...], mobility: int) -> Side:
-    """Stages with calibrated hinges and elastic pads, links and platform in place of finite elements."""
-    designs, bodies = stacked(stages), np.array([body_compliance(stage) for stage in stages])
+    """Stages with calibrated hinges and elastic pads, links and platform in place of finite
+    elements.
+    """
+    designs = stacked(stages)
+    bodies = np.array([body_compliance(stage) for stage in stages])
     K = at_rest(designs, hinge_compliances(designs, CALIBRATED), freedoms_of(21), bodies).stiffness
     blank = Side(stages, designs, bodies, inverse(K), mobility, "", K, K)
     return blank.by(DEFAULT_FORMULA)
@@ -156,7 +169,8 @@ def calibrated_side(stages: tuple[Stage, ...], mobility: int) -> Side:
 
 def reference_side(stage: Stage, mobility: int) -> Side:
     """One stage by finite elements, with the mesh uncertainty of its errors."""
-    K, steps = analyse(stage, mobility).stiffness, levels(RESOLUTION)
+    K = analyse(stage, mobility).stiffness
+    steps = levels(RESOLUTION)
     found = np.array([solved(stage, level).compliance for level in steps])
     percent, band = error_bands(K, found, steps, stage.chain.link_lengths[2])
     bodies = body_compliance(stage)[None]
@@ -167,16 +181,20 @@ def reference_side(stage: Stage, mobility: int) -> Side:
 def reference() -> Pairs:
     """The two reference stages of assumed dimensions."""
     stages = (flexfem.load(ROOT / f"geometry/mobility{mobility}.toml") for mobility in (3, 6))
-    return Pairs(*(reference_side(stage, mobility) for stage, mobility in zip(stages, (3, 6), strict=True)))
+    return Pairs(
+        *(reference_side(stage, mobility) for stage, mobility in zip(stages, (3, 6), strict=True))
+    )
 
 
 # %%
 # The ensemble
 # ------------
-# Stages of this kind that wire erosion can make, around the reference stages. All ranges are assumed; none is from the
+# Stages of this kind that wire erosion can make, around the reference stages. All ranges are
+# assumed; none is from the
 # paper.
 
-DESIGNS, SEED = 1200, 2003  # pairs drawn independently; those that cannot be made are left out
+DESIGNS = 1200
+SEED = 2003  # pairs drawn independently; those that cannot be made are left out
 DRAWN = {  # least and largest, mm and degrees; one neck for all nine hinges, drawn by its logarithm
     "neck of all hinges, mm": (0.2, 1.0),
     "small radius, mm": (1.0, 2.5),  # elbow and platform
@@ -185,7 +203,10 @@ DRAWN = {  # least and largest, mm and degrees; one neck for all nine hinges, dr
     "chain.link_lengths_mm[0]": (20.0, 40.0),
     "chain.link_lengths_mm[1]": (20.0, 40.0),
     "chain.link_lengths_mm[2]": (21.0, 34.0),
-    "chain.joint_angles_deg[1]": (-150.0, 0.0),  # 0 is straight; its mirror image gives the same errors
+    "chain.joint_angles_deg[1]": (
+        -150.0,
+        0.0,
+    ),  # 0 is straight; its mirror image gives the same errors
     "chain.joint_angles_deg[2]": (-30.0, 150.0),
     "chain.link_width_mm": (8.0, 13.0),
 }
@@ -221,14 +242,19 @@ def pair_of(stages: tuple[Stage, ...], values: Array) -> list[Stage]:
         angles = (stage.chain.joint_angles[0], math.radians(elbow), math.radians(platform))
         chain = {"link_lengths": (l1, l2, l3), "joint_angles": angles, "link_width": width}
         radius = {"base": base, "elbow": small, "platform": small}
-        found.append(stage.replace(chain=chain, radius=radius, neck=dict.fromkeys(HINGE_NAMES, neck)))
+        found.append(
+            stage.replace(chain=chain, radius=radius, neck=dict.fromkeys(HINGE_NAMES, neck))
+        )
     return found
 
 
 def draw_ensemble(designs: int = DESIGNS) -> Ensemble:
     """Draw the ensemble around the two reference stages."""
     stages = tuple(flexfem.load(ROOT / f"geometry/mobility{mobility}.toml") for mobility in (3, 6))
-    values, kept, pairs, off_chart = drawn_values(designs), [], [], 0
+    values = drawn_values(designs)
+    kept = []
+    pairs = []
+    off_chart = 0
     for index, row in enumerate(values):
         try:
             pair = pair_of(stages, row)
@@ -241,10 +267,16 @@ def draw_ensemble(designs: int = DESIGNS) -> Ensemble:
             continue
         kept.append(index)
         pairs.append(pair)
-    three, six = (calibrated_side(tuple(side), m) for side, m in zip(zip(*pairs, strict=True), (3, 6), strict=True))
+    three, six = (
+        calibrated_side(tuple(side), m)
+        for side, m in zip(zip(*pairs, strict=True), (3, 6), strict=True)
+    )
     numbers = {name: values[kept, place] for place, name in enumerate(DRAWN)}
     for position, hinge in enumerate(HINGE_NAMES):
-        ratios = [side.designs.neck[:, 0, position] / side.designs.radius[:, 0, position] for side in (three, six)]
+        ratios = [
+            side.designs.neck[:, 0, position] / side.designs.radius[:, 0, position]
+            for side in (three, six)
+        ]
         if np.array_equal(*ratios):
             numbers[f"t/R of the {hinge} hinges"] = ratios[1]
         else:
@@ -254,9 +286,14 @@ def draw_ensemble(designs: int = DESIGNS) -> Ensemble:
 
 
 def answered(designs: Designs, formula: str) -> Array:
-    """Mask (n,) of the designs that are in the range of a formula and have positive compliances with it."""
+    """Mask (n,) of the designs that are in the range of a formula and have positive compliances
+    with it.
+    """
     with np.errstate(all="ignore"):
-        broken = [each.where for each in invalid_hinges(designs, formula, hinge_compliances(designs, formula))]
+        broken = [
+            each.where
+            for each in invalid_hinges(designs, formula, hinge_compliances(designs, formula))
+        ]
         return np.all(in_range(designs, formula), axis=(1, 2)) & ~np.any(broken, axis=0)
 
 
@@ -267,7 +304,9 @@ def answered(designs: Designs, formula: str) -> Array:
 
 
 def axial_share(on: Pairs) -> Array:
-    """How much larger the error of mobility six is without the axial freedom, per cent of the error without it."""
+    """How much larger the error of mobility six is without the axial freedom, per cent of the error
+    without it.
+    """
     six = on.six
     without = error_matrix(model_stiffness(six.designs, 3, six.formula), six.compliance, six.lever)
     without = np.diagonal(without, axis1=1, axis2=2)
@@ -275,7 +314,9 @@ def axial_share(on: Pairs) -> Array:
 
 
 def larger_radius(on: Pairs) -> Array:
-    """Growth of axial over rotational compliance of the base hinge from the small radius to the large, per cent."""
+    """Growth of axial over rotational compliance of the base hinge from the small radius to the
+    large, per cent.
+    """
 
     def ratio(designs: Designs) -> Array:
         found = hinge_compliances(designs, on.six.formula)
@@ -293,7 +334,9 @@ def rotation_more(on: Pairs) -> Array:
 
 
 def off_diagonal(on: Pairs) -> Array:
-    """Largest entry off the diagonal of each stiffness, and the difference of K_xx and K_yy, per cent."""
+    """Largest entry off the diagonal of each stiffness, and the difference of K_xx and K_yy, per
+    cent.
+    """
     largest = []
     for side in on:
         size = np.sqrt(np.diagonal(side.stiffness, axis1=1, axis2=2))
@@ -310,11 +353,15 @@ def softer(on: Pairs) -> Array:
 
 def mechanism_of(of: Side) -> PaperModel:
     """The pseudo-rigid mechanisms of n stages."""
-    return mechanism(of.designs.frames, hinge_compliances(of.designs, of.formula), freedoms_of(of.mobility))
+    return mechanism(
+        of.designs.frames, hinge_compliances(of.designs, of.formula), freedoms_of(of.mobility)
+    )
 
 
 def in_chunks(of: Side, ask: Callable[[Side], Array], step: int = 20) -> Array:
-    """Values (n, k) of n stages, computed in chunks; a failed chunk is computed stage by stage, nan if that fails."""
+    """Values (n, k) of n stages, computed in chunks; a failed chunk is computed stage by stage, nan
+    if that fails.
+    """
     found = []
     for start in range(0, len(of.stages), step):
         part = of.rows(np.arange(start, min(start + step, len(of.stages))))
@@ -328,16 +375,25 @@ def in_chunks(of: Side, ask: Callable[[Side], Array], step: int = 20) -> Array:
 
 def second_order(on: Pairs) -> Array:
     """Largest difference of exact and linear position over the workspace, per cent."""
-    return in_chunks(on.six, lambda of: 100 * linear_errors(mechanism_of(of), AMPLITUDE, of.lever).position[:, None])
+    return in_chunks(
+        on.six,
+        lambda of: 100 * linear_errors(mechanism_of(of), AMPLITUDE, of.lever).position[:, None],
+    )
 
 
 def second_order_of_error(on: Pairs) -> Array:
-    """Change of the error along each command if the exact load replaces (18), per cent of that error."""
+    """Change of the error along each command if the exact load replaces (18), per cent of that
+    error.
+    """
 
     def ask(of: Side) -> Array:
         poses = np.concatenate([np.diag(AMPLITUDE), -np.diag(AMPLITUDE)])
-        more = at_pose(with_pose_axis(mechanism_of(of)), poses).load - apply(of.stiffness[:, None], poses)
-        moved = apply(of.compliance[:, None], more)[..., np.arange(6), np.arange(6) % 3] / np.sum(poses, axis=-1)
+        more = at_pose(with_pose_axis(mechanism_of(of)), poses).load - apply(
+            of.stiffness[:, None], poses
+        )
+        moved = apply(of.compliance[:, None], more)[..., np.arange(6), np.arange(6) % 3] / np.sum(
+            poses, axis=-1
+        )
         worst = np.max(np.abs(moved).reshape(-1, 2, 3), axis=1)
         return 100 * worst / np.abs(of.along / 100)
 
@@ -345,17 +401,23 @@ def second_order_of_error(on: Pairs) -> Array:
 
 
 def minimum_energy(on: Pairs, motions: int = 1000, stray: float = 0.1) -> Array:
-    """Smallest excess of the energy of random other joint motions to one pose over that of (29), per cent.
+    """Smallest excess of the energy of random other joint motions to one pose over that of (29),
+    per cent.
 
     stray : root of the energy of the difference over that of (29).
     """
     found = []
     for row in range(len(on.six.stages)):
-        of, random = mechanism_of(on.six.rows(np.array([row]))), np.random.default_rng(29)
-        of = of._replace(frames=type(of.frames)(*(part[0] for part in of.frames)), springs=of.springs[0])
+        of = mechanism_of(on.six.rows(np.array([row])))
+        random = np.random.default_rng(29)
+        of = of._replace(
+            frames=type(of.frames)(*(part[0] for part in of.frames)), springs=of.springs[0]
+        )
         at = stiffness(of)
         best = inverse_kinematics(of, at, AMPLITUDE).independent  # (29)
-        internal = np.linalg.svd(at.influence.G_u)[2][3:]  # joint motions that leave the platform where it is
+        internal = np.linalg.svd(at.influence.G_u)[2][
+            3:
+        ]  # joint motions that leave the platform where it is
         other = random.normal(size=(motions, len(internal))) @ internal
         least = best @ at.K_aa @ best
         other *= stray * np.sqrt(least / np.einsum("ka,ab,kb->k", other, at.K_aa, other))[:, None]
@@ -364,30 +426,42 @@ def minimum_energy(on: Pairs, motions: int = 1000, stray: float = 0.1) -> Array:
     return np.array(found)
 
 
-MORE, LESS = 1.1, 0.9
-UNLIKE = ((MORE, 1.0, 1.0), (LESS, 1.0, 1.0), (MORE, LESS, 1.0))  # factors on the necks of each chain
+MORE = 1.1
+LESS = 0.9
+UNLIKE = (
+    (MORE, 1.0, 1.0),
+    (LESS, 1.0, 1.0),
+    (MORE, LESS, 1.0),
+)  # factors on the necks of each chain
 
 
 def gradients(on: Pairs) -> Array:
-    """How much further a gradient moves unlike chains than like ones, per cent: worst and best direction, (n, 6).
+    """How much further a gradient moves unlike chains than like ones, per cent: worst and best
+    direction, (n, 6).
 
-    The model has calibrated hinges with all freedoms, elastic links, and pads whose clamped edges the frame strains and
-    bends. The effect is the largest pose, with rotation times l3, by a gradient of any direction. The coefficients of
-    expansion cancel.
-    """
+    The model has calibrated hinges with all freedoms, elastic links, and pads whose clamped edges
+    the frame strains and bends. The effect is the largest pose, with rotation times l3, by a
+    gradient of any direction. The coefficients of expansion cancel."""
     of = on.six
-    edges = {factor: np.array([edge_motions(stage, factor) for stage in of.stages]) for factor in (1.0, MORE, LESS)}
+    edges = {
+        factor: np.array([edge_motions(stage, factor) for stage in of.stages])
+        for factor in (1.0, MORE, LESS)
+    }
     rest = np.zeros(len(of.stages))
 
     def ends(by: tuple[float, float, float]) -> Array:
         designs = replace(of.designs, neck=of.designs.neck * np.array(by)[:, None])
-        bodies = WarmBodies(of.bodies, np.stack([edges[factor][:, k] for k, factor in enumerate(by)], axis=1))
+        bodies = WarmBodies(
+            of.bodies, np.stack([edges[factor][:, k] for k, factor in enumerate(by)], axis=1)
+        )
         hinges = hinge_compliances(designs, CALIBRATED)
         warm: WarmModel = drift(designs, hinges, freedoms_of(21), rest, rest + 1, bodies)
         pose = warm.pose[:, :, 1:].copy()
         pose[:, 2] *= of.lever[:, None]
         known = np.all(np.isfinite(pose), axis=(1, 2), keepdims=True)
-        return np.where(known[..., 0], np.linalg.svd(np.where(known, pose, 0.0), compute_uv=False), np.nan)
+        return np.where(
+            known[..., 0], np.linalg.svd(np.where(known, pose, 0.0), compute_uv=False), np.nan
+        )
 
     alike = ends((1.0, 1.0, 1.0))
     more = np.stack([100 * (ends(by) / alike - 1) for by in UNLIKE], axis=-1)
@@ -402,11 +476,12 @@ def gradients(on: Pairs) -> Array:
 class Claim(NamedTuple):
     """A claim, the measurement that decides it, and the values that support it.
 
-    low, high : limits of every value, per cent.   slack : percentage points by which values of the ensemble may differ
-    from those of finite elements. Largest measured on 20 pairs: 0.064 for an error, 0.003 for the difference of two
-    stages, 0.027 for that of two commands, 0.0009 for gradients.   most : number of pairs measured, from the first.
-    by_formula : whether the values depend on the hinge formula.   missing : what is missing for a decision.
-    """
+    low, high : limits of every value, per cent.   slack : percentage points by which values of the
+    ensemble may differ from those of finite elements. Largest measured on 20 pairs: 0.064 for an
+    error, 0.003 for the difference of two stages, 0.027 for that of two commands, 0.0009 for
+    gradients.   most : number of pairs measured, from the first.
+    by_formula : whether the values depend on the hinge formula.   missing : what is missing for a
+    decision."""
 
     id: str
     statement: str
@@ -426,45 +501,140 @@ class Claim(NamedTuple):
 
 CURVES = "Section V, Figs. 5 to 7"
 CLAIMS = (
-    Claim("six-commanded", "the error of mobility six in the commanded direction is 5 to 10 %", CURVES,
-          lambda on: np.abs(on.six.along), 5.0, 10.0, 0.07, by_formula=True),
-    Claim("six-across", "the error of mobility six across is negligible (at most 0.5 %, a tenth of the least quoted)",
-          CURVES, lambda on: on.six.across, high=0.5, by_formula=True),
-    Claim("three-along", "the error of mobility three in the commanded direction is severe (above 10 %)", CURVES,
-          lambda on: np.abs(on.three.along), 10.0, slack=0.07, by_formula=True),
-    Claim("three-across", "the error of mobility three in all other directions is severe (above 10 %)", CURVES,
-          lambda on: on.three.across, 10.0, by_formula=True),
-    Claim("six-better", "mobility six is more accurate than mobility three", "abstract, Sections V and VII",
-          lambda on: np.abs(on.three.along) - np.abs(on.six.along), 0.0, slack=0.004, by_formula=True),
-    Claim("axial-cause", "the axial freedom causes at least half of the error", "abstract, Section I",
-          axial_share, 50.0, by_formula=True),
-    Claim("larger-radius", "a larger radius gives a hinge its second freedom "
-          "(at least doubles the axial over the rotational compliance)", "Section I",
-          larger_radius, 100.0, by_formula=True),
-    Claim("rotation-more", "the error in rotation is larger than in translation", "Section VI, of Fig. 7",
-          rotation_more, 0.0, slack=0.03, by_formula=True),
-    Claim("diagonal", "K_uu is diagonal with K_xx = K_yy at rest (to 1e-5 %)", "below (18); Section VI, Fig. 11",
-          off_diagonal, high=1e-5),
-    Claim("second-order", "the second-order terms of (16) amount to 3 to 5 % of the position", "Section VI",
-          second_order, 3.0, 5.0, most=100),
-    Claim("second-order-error", "the second-order terms of (16) amount to 3 to 5 % of the error", "Section VI",
-          second_order_of_error, 3.0, 5.0),
-    Claim("minimum-energy", "(29) is the joint motion of least energy", "Section IV, (29)", minimum_energy, 0.0),
-    Claim("temperature-gradient", "the symmetric structure reduces the effect of a gradient of temperature, compared "
-          "with necks 10 % wider or narrower in one chain, or both in two, in the worst direction", "Section II",
-          lambda on: gradients(on)[:, :3], 0.0, slack=0.001),
-    Claim("measured-stiffness", "the real stage's stiffness is within 2.6 and 31 % of the simulated one",
-          "Section VI, Fig. 11, Table II", softer, missing="Table II"),
-    Claim("stiffer-simulated", "the stage is stiffer in simulation than in the experiment", "Section VI",
-          softer, missing="Table II"),
-)  # fmt: skip
+    Claim(
+        "six-commanded",
+        "the error of mobility six in the commanded direction is 5 to 10 %",
+        CURVES,
+        lambda on: np.abs(on.six.along),
+        5.0,
+        10.0,
+        0.07,
+        by_formula=True,
+    ),
+    Claim(
+        "six-across",
+        "the error of mobility six across is negligible (at most 0.5 %, a tenth of the least "
+        "quoted)",
+        CURVES,
+        lambda on: on.six.across,
+        high=0.5,
+        by_formula=True,
+    ),
+    Claim(
+        "three-along",
+        "the error of mobility three in the commanded direction is severe (above 10 %)",
+        CURVES,
+        lambda on: np.abs(on.three.along),
+        10.0,
+        slack=0.07,
+        by_formula=True,
+    ),
+    Claim(
+        "three-across",
+        "the error of mobility three in all other directions is severe (above 10 %)",
+        CURVES,
+        lambda on: on.three.across,
+        10.0,
+        by_formula=True,
+    ),
+    Claim(
+        "six-better",
+        "mobility six is more accurate than mobility three",
+        "abstract, Sections V and VII",
+        lambda on: np.abs(on.three.along) - np.abs(on.six.along),
+        0.0,
+        slack=0.004,
+        by_formula=True,
+    ),
+    Claim(
+        "axial-cause",
+        "the axial freedom causes at least half of the error",
+        "abstract, Section I",
+        axial_share,
+        50.0,
+        by_formula=True,
+    ),
+    Claim(
+        "larger-radius",
+        "a larger radius gives a hinge its second freedom "
+        "(at least doubles the axial over the rotational compliance)",
+        "Section I",
+        larger_radius,
+        100.0,
+        by_formula=True,
+    ),
+    Claim(
+        "rotation-more",
+        "the error in rotation is larger than in translation",
+        "Section VI, of Fig. 7",
+        rotation_more,
+        0.0,
+        slack=0.03,
+        by_formula=True,
+    ),
+    Claim(
+        "diagonal",
+        "K_uu is diagonal with K_xx = K_yy at rest (to 1e-5 %)",
+        "below (18); Section VI, Fig. 11",
+        off_diagonal,
+        high=1e-5,
+    ),
+    Claim(
+        "second-order",
+        "the second-order terms of (16) amount to 3 to 5 % of the position",
+        "Section VI",
+        second_order,
+        3.0,
+        5.0,
+        most=100,
+    ),
+    Claim(
+        "second-order-error",
+        "the second-order terms of (16) amount to 3 to 5 % of the error",
+        "Section VI",
+        second_order_of_error,
+        3.0,
+        5.0,
+    ),
+    Claim(
+        "minimum-energy",
+        "(29) is the joint motion of least energy",
+        "Section IV, (29)",
+        minimum_energy,
+        0.0,
+    ),
+    Claim(
+        "temperature-gradient",
+        "the symmetric structure reduces the effect of a gradient of temperature, compared "
+        "with necks 10 % wider or narrower in one chain, or both in two, in the worst direction",
+        "Section II",
+        lambda on: gradients(on)[:, :3],
+        0.0,
+        slack=0.001,
+    ),
+    Claim(
+        "measured-stiffness",
+        "the real stage's stiffness is within 2.6 and 31 % of the simulated one",
+        "Section VI, Fig. 11, Table II",
+        softer,
+        missing="Table II",
+    ),
+    Claim(
+        "stiffer-simulated",
+        "the stage is stiffer in simulation than in the experiment",
+        "Section VI",
+        softer,
+        missing="Table II",
+    ),
+)
 
 
 class Share(NamedTuple):
-    """Number of pairs for which a claim holds with one hinge formula; `low`, `high` : 95 % interval of the share.
+    """Number of pairs for which a claim holds with one hinge formula; `low`, `high` : 95 % interval
+    of the share.
 
-    surely, perhaps : this number if every value is off by the slack, against or in favour of the claim.
-    """
+    surely, perhaps : this number if every value is off by the slack, against or in favour of the
+    claim."""
 
     formula: str
     pairs: int
@@ -481,21 +651,36 @@ class Share(NamedTuple):
             return "holds"
         if self.high <= 0.05:
             return "does not hold"
-        return "depends on the dimensions" if self.surely > 0 and self.perhaps < self.pairs else "cannot be decided"
+        return (
+            "depends on the dimensions"
+            if self.surely > 0 and self.perhaps < self.pairs
+            else "cannot be decided"
+        )
 
 
 def share_of(claim: Claim, formula: str, values: Array) -> Share | None:
-    """The share of pairs for which a claim holds, from values (n, k), with the exact Clopper-Pearson interval."""
+    """The share of pairs for which a claim holds, from values (n, k), with the exact
+    Clopper-Pearson interval.
+    """
     known = values[np.all(np.isfinite(values), axis=-1)]
     if not len(known):
         return None
-    holding, surely, perhaps = (int(np.sum(claim.holds(known, s))) for s in (0.0, -claim.slack, claim.slack))
-    ends = [binomtest(count, len(known)).proportion_ci(0.95, method="exact") for count in (surely, perhaps)]
-    return Share(formula, len(known), holding, surely, perhaps, float(ends[0].low), float(ends[1].high))
+    holding, surely, perhaps = (
+        int(np.sum(claim.holds(known, s))) for s in (0.0, -claim.slack, claim.slack)
+    )
+    ends = [
+        binomtest(count, len(known)).proportion_ci(0.95, method="exact")
+        for count in (surely, perhaps)
+    ]
+    return Share(
+        formula, len(known), holding, surely, perhaps, float(ends[0].low), float(ends[1].high)
+    )
 
 
 class Verdict(NamedTuple):
-    """Result of a claim: values (k,) on the reference stages, shares by formula, and the number that decides most."""
+    """Result of a claim: values (k,) on the reference stages, shares by formula, and the number
+    that decides most.
+    """
 
     claim: Claim
     values: Array
@@ -513,8 +698,13 @@ def judge(claim: Claim, on: Pairs, ensemble: Ensemble) -> Verdict:
     own = claim.values(on)[0]
     if claim.missing:
         return Verdict(claim, own, [], None)
-    formulas = [name for name in FORMULAS if name not in (DEFAULT_FORMULA, CALIBRATED)] if claim.by_formula else []
-    shares, depends = [], None
+    formulas = (
+        [name for name in FORMULAS if name not in (DEFAULT_FORMULA, CALIBRATED)]
+        if claim.by_formula
+        else []
+    )
+    shares = []
+    depends = None
     for formula in (DEFAULT_FORMULA, *formulas):
         taken = np.all([answered(side.designs, formula) for side in ensemble.pairs], axis=0)
         taken[slice(claim.most, None) if claim.most else slice(0)] = False
@@ -524,16 +714,20 @@ def judge(claim: Claim, on: Pairs, ensemble: Ensemble) -> Verdict:
         share = share_of(claim, formula, values)
         shares += [] if share is None else [share]
         if formula == DEFAULT_FORMULA:
-            depends = deciding(claim, values, {name: each[taken] for name, each in ensemble.numbers.items()})
+            depends = deciding(
+                claim, values, {name: each[taken] for name, each in ensemble.numbers.items()}
+            )
     return Verdict(claim, own, shares, depends)
 
 
-def deciding(claim: Claim, values: Array, numbers: dict[str, Array]) -> tuple[str, Array, Array] | None:
-    """The number whose distributions differ most where a claim holds and where it fails (Kolmogorov and Smirnov).
+def deciding(
+    claim: Claim, values: Array, numbers: dict[str, Array]
+) -> tuple[str, Array, Array] | None:
+    """The number whose distributions differ most where a claim holds and where it fails (Kolmogorov
+    and Smirnov).
 
-    Also returns its 5 % and 95 % quantiles, where the claim holds and where it fails. None if it holds everywhere or
-    nowhere.
-    """
+    Also returns its 5 % and 95 % quantiles, where the claim holds and where it fails. None if it
+    holds everywhere or nowhere."""
     known = np.all(np.isfinite(values), axis=-1)
     holding = claim.holds(values) & known
     if not holding.any() or np.array_equal(holding, known):
@@ -551,14 +745,25 @@ def deciding(claim: Claim, values: Array, numbers: dict[str, Array]) -> tuple[st
 
 def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
     """Platform compliances by other finite elements; those of the verification come first."""
-    fine, plate = solved(stage, RESOLUTION), plate_of(stage)
+    fine = solved(stage, RESOLUTION)
+    plate = plate_of(stage)
     yield "none: curved quadratic triangles, as verified", fine.compliance
     for n in (1, 2, 4, 8):
-        yield f"linear triangles, {n} across every neck", linear_compliance(solved(stage, n).mesh, plate)
+        yield (
+            f"linear triangles, {n} across every neck",
+            linear_compliance(solved(stage, n).mesh, plate),
+        )
     for across in ((1, 2, 2), (3, 4, 4)):  # of the three sectors; their cuts have the same nodes
-        sectors, said = mesh_sectors(stage, across), ", ".join(map(str, across))
-        yield f"asymmetric mesh, {said} linear triangles", linear_compliance(welded(sectors)[0], plate)
-        yield f"asymmetric mesh, {said} quadratic triangles", unit_response(sectors, plate).compliance
+        sectors = mesh_sectors(stage, across)
+        said = ", ".join(map(str, across))
+        yield (
+            f"asymmetric mesh, {said} linear triangles",
+            linear_compliance(welded(sectors)[0], plate),
+        )
+        yield (
+            f"asymmetric mesh, {said} quadratic triangles",
+            unit_response(sectors, plate).compliance,
+        )
     held = plate_of(stage.model_copy(update={"model": "plane_strain"}))
     strain = unit_response(fine.sectors, held).compliance
     yield "finite elements in plane strain, the limit of wide necks", strain
@@ -571,7 +776,9 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
 
 
 def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
-    """Platform compliance (3, 3) of straight linear triangles on the corners of a mesh: `K = b A B^T D B`."""
+    """Platform compliance (3, 3) of straight linear triangles on the corners of a mesh: `K = b A
+    B^T D B`.
+    """
     mesh, _ = ordered(mesh)
     corners = int(mesh.triangles[:, :3].max()) + 1  # the first nodes
     edges = {name: edge[:, :2] for name, edge in mesh.edges.items()}
@@ -581,8 +788,10 @@ def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
     area = 0.5 * (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
     slope = np.stack([-sides[..., 1], sides[..., 0]], axis=-1) / (2 * area)[:, None, None]
     B = np.zeros((len(at), 3, 6))
-    B[:, 0, 0::2], B[:, 1, 1::2] = slope[..., 0], slope[..., 1]
-    B[:, 2, 0::2], B[:, 2, 1::2] = slope[..., 1], slope[..., 0]
+    B[:, 0, 0::2] = slope[..., 0]
+    B[:, 1, 1::2] = slope[..., 1]
+    B[:, 2, 0::2] = slope[..., 1]
+    B[:, 2, 1::2] = slope[..., 0]
     lame, mu = plate.lame(2)
     D = np.array([[lame + 2 * mu, lame, 0.0], [lame, lame + 2 * mu, 0.0], [0.0, 0.0, mu]])
     K_e = (plate.thickness * area)[:, None, None] * (B.transpose(0, 2, 1) @ D @ B)
@@ -601,24 +810,33 @@ def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
 
 def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
     """Errors of every alternative that uses one of the two stages."""
-    K, lever = analyse(stage, mobility).stiffness, stage.chain.link_lengths[2]
+    K = analyse(stage, mobility).stiffness
+    lever = stage.chain.link_lengths[2]
     C = solved(stage, RESOLUTION).compliance
     for name, compliance in other_elements(stage):
         yield name, error_matrix(K, compliance, lever)
     for name in FORMULAS:
         try:
             if name != DEFAULT_FORMULA:
-                yield f"hinge formula {name}", error_matrix(analyse(stage, mobility, name).stiffness, C, lever)
+                yield (
+                    f"hinge formula {name}",
+                    error_matrix(analyse(stage, mobility, name).stiffness, C, lever),
+                )
         except BadInput:  # off its chart, or not positive here
             continue
-    for change, what in ((0.01, "thicker"), (-0.01, "thinner")):  # mm, deviation of wire cutting, assumed
+    for change, what in (
+        (0.01, "thicker"),
+        (-0.01, "thinner"),
+    ):  # mm, deviation of wire cutting, assumed
         necks = {name: stage.hinge(1, name).neck + change for name in HINGE_NAMES}
         cut = solved(stage.replace(neck=necks), RESOLUTION).compliance
         yield f"necks 10 um {what} than drawn", error_matrix(K, cut, lever)
     percent = np.abs(scattered(stage, K))
     for name, share in (("median", 0.5), ("95 %", 0.95)):
         yield f"necks scattered by 5 um, {name} of 200 stages", np.quantile(percent, share, axis=0)
-    beside = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, 0.5, 1.0]])  # wrench of a load 0.5 mm off the centre
+    beside = np.array(
+        [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, 0.5, 1.0]]
+    )  # wrench of a load 0.5 mm off the centre
     where = "0.5 mm off the centre in X and in Y"
     yield f"load applied {where}", error_matrix(K, C @ beside, lever)
     yield f"pose read {where}", error_matrix(K, beside.T @ C, lever)
@@ -627,16 +845,24 @@ def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
     yield "force of the exact equilibrium at 50 um and 1 mrad", error_matrix(exact, C, lever)
     for force in (10.0, 30.0):  # N, along every base neck: assumed
         pressed = inverse(inverse(C) + preload_stiffness(stage, force))
-        yield f"base necks pressed with {force:g} N, which the model leaves out", error_matrix(K, pressed, lever)
+        yield (
+            f"base necks pressed with {force:g} N, which the model leaves out",
+            error_matrix(K, pressed, lever),
+        )
     for drive, hinges in (("joints", commanded_hinges(mobility)), ("strokes", ())):
         if hinges or stage.actuator:
             commanded = imposed(stage, analyse(stage, mobility), drive)
             driven = elements(stage, RESOLUTION, hinges).compliance
-            yield f"{drive} commanded instead of the platform", error_matrix(np.eye(3), commanded.poses(driven), lever)
+            yield (
+                f"{drive} commanded instead of the platform",
+                error_matrix(np.eye(3), commanded.poses(driven), lever),
+            )
 
 
 def scattered(stage: Stage, K: Array) -> Array:
-    """Errors (200, 3, 3) of stages whose nine necks scatter by 5 um; the model has the drawn dimensions."""
+    """Errors (200, 3, 3) of stages whose nine necks scatter by 5 um; the model has the drawn
+    dimensions.
+    """
     designs = lower(stage).repeated(200)
     designs.neck[:] += 0.005 * np.random.default_rng(2003).normal(size=(200, 3, 3))
     hinges = hinge_compliances(designs, CALIBRATED)
@@ -645,18 +871,25 @@ def scattered(stage: Stage, K: Array) -> Array:
 
 
 def preload_stiffness(stage: Stage, force: float) -> Array:
-    """Change of stiffness by an axial force, N, in all base necks: `- tau_p o H_p` of (16) with six freedoms."""
+    """Change of stiffness by an axial force, N, in all base necks: `- tau_p o H_p` of (16) with six
+    freedoms.
+    """
     of = assemble(stage, 6)
-    at, base = stiffness(of), (of.joints.kind == AXIAL) & (of.joints.hinge == 0)
+    at = stiffness(of)
+    base = (of.joints.kind == AXIAL) & (of.joints.hinge == 0)
     _, tau_p = split(np.where(base, force, 0.0), of.choice)
     G_u = at.influence.G_u
     return inverse(G_u @ inverse(at.K_aa - dot(tau_p, at.influence.H_p)) @ G_u.T) - at.K_uu
 
 
 def joints_commanded(stage: Stage, mobility: int) -> Array:
-    """Errors if the rotations of (30) are imposed on a stage of 21 freedoms with rigid links: least energy (29)."""
-    of, every = assemble(stage, mobility), assemble(stage, 21)
-    known, at = stiffness(of), stiffness(every)
+    """Errors if the rotations of (30) are imposed on a stage of 21 freedoms with rigid links: least
+    energy (29).
+    """
+    of = assemble(stage, mobility)
+    every = assemble(stage, 21)
+    known = stiffness(of)
+    at = stiffness(every)
     given = known.C_aa @ known.influence.G_u.T @ known.K_uu  # (29), (30)
     R = at.influence.G_a[np.searchsorted(every.joints.slot, of.joints.slot[of.choice.independent])]
     phi = at.C_aa @ R.T @ np.linalg.solve(R @ at.C_aa @ R.T, given)
@@ -669,14 +902,27 @@ def alternatives(three: Stage, six: Stage) -> Iterator[tuple[str, int, Array]]:
         yield from ((name, model, percent) for name, percent in of_stage(stage, model))
     C = {stage: solved(stage, RESOLUTION).compliance for stage in (three, six)}
     lever = six.chain.link_lengths[2]
-    yield "axial freedom left out, on the mobility-six stage", 3, error_matrix(analyse(six, 3).stiffness, C[six], lever)
+    yield (
+        "axial freedom left out, on the mobility-six stage",
+        3,
+        error_matrix(analyse(six, 3).stiffness, C[six], lever),
+    )
     for own, model, other, name in ((three, 3, six, "six"), (six, 6, three, "three")):
         percent = error_matrix(analyse(own, model).stiffness, C[other], other.chain.link_lengths[2])
-        yield f"stiffness of its own stage on the finite elements of the mobility-{name} stage", model, percent
+        yield (
+            f"stiffness of its own stage on the finite elements of the mobility-{name} stage",
+            model,
+            percent,
+        )
     for ratio in (3.0, 1.0):
         necks = {name: six.hinge(1, name).radius / ratio for name in HINGE_NAMES}
-        hinges = {name: six.hinge(1, name).model_copy(update={"neck": neck}) for name, neck in necks.items()}
-        width = max(six.chain.link_width, *(2 * hinge.radius + hinge.neck for hinge in hinges.values()))
+        hinges = {
+            name: six.hinge(1, name).model_copy(update={"neck": neck})
+            for name, neck in necks.items()
+        }
+        width = max(
+            six.chain.link_width, *(2 * hinge.radius + hinge.neck for hinge in hinges.values())
+        )
         chain = six.chain.model_copy(update={"link_width": width})  # rigid here; a notch needs it
         changed = {"hinges": six.hinges.model_copy(update=hinges), "override": (), "chain": chain}
         stubby = six.model_copy(update=changed)
@@ -692,32 +938,65 @@ def alternatives(three: Stage, six: Stage) -> Iterator[tuple[str, int, Array]]:
 # --------
 
 
-def page(verdicts: list[Verdict], ensemble: Ensemble, on: Pairs, others: list[tuple[str, int, Array]]) -> str:
+def page(
+    verdicts: list[Verdict], ensemble: Ensemble, on: Pairs, others: list[tuple[str, int, Array]]
+) -> str:
     """Verdicts and alternatives in Markdown."""
-    models = "{:.0f}, {:.0f} and {:.0f}".format(*(float(mobility(freedoms_of(model))) for model in (3, 6, 12)))
-    drawn, same = len(ensemble.pairs.six.stages), [calibrated_side(side.stages, side.mobility) for side in on]
+    models = "{:.0f}, {:.0f} and {:.0f}".format(
+        *(float(mobility(freedoms_of(model))) for model in (3, 6, 12))
+    )
+    drawn = len(ensemble.pairs.six.stages)
+    same = [calibrated_side(side.stages, side.mobility) for side in on]
     off = max(float(np.max(np.abs(a.percent - b.percent))) for a, b in zip(same, on, strict=True))
     rows = []
     for each in verdicts:
-        first = f"{100 * each.shares[0].holding / each.shares[0].pairs:.1f} %" if each.shares else ""
+        first = (
+            f"{100 * each.shares[0].holding / each.shares[0].pairs:.1f} %" if each.shares else ""
+        )
         found = ", ".join(f"{value:.4g}" for value in each.values)
-        rows.append((each.claim.statement, each.claim.where, f"**{each.verdict}**", first, found, _more(each)))
-    head = ("claim", "where", "verdict", "holds in", "values on the reference stages, %", "ensemble")
+        rows.append(
+            (
+                each.claim.statement,
+                each.claim.where,
+                f"**{each.verdict}**",
+                first,
+                found,
+                _more(each),
+            )
+        )
+    head = (
+        "claim",
+        "where",
+        "verdict",
+        "holds in",
+        "values on the reference stages, %",
+        "ensemble",
+    )
     errors = []
     for name, model, percent in others:
         across = np.max(np.abs(percent - np.diag(np.diag(percent))), axis=0)
         pairs = zip(np.diag(percent), across, strict=True)
         errors.append((name, f"{model}", *(f"{value:.3f}" for pair in pairs for value in pair)))
-    columns = ("alternative", "model", "X along", "across", "Y along", "across", "theta along", "across")
+    columns = (
+        "alternative",
+        "model",
+        "X along",
+        "across",
+        "Y along",
+        "across",
+        "theta along",
+        "across",
+    )
     return "\n\n".join(
         [
             "# Claims of Yi, Chung, Na, Kim and Suh (2003)",
-            f"Dimensions and workspace are assumed. The claims are judged over {drawn} pairs of stages. Of {DESIGNS} "
-            f"pairs drawn with seed {SEED}, {ensemble.infeasible} cannot be made and {ensemble.off_chart} are off the "
-            "hinge chart; these are left out. The finite elements of the pairs are replaced by calibrated hinges with "
-            f"elastic bodies. On the reference stages these differ from finite elements by {off:.3f} points; the mesh "
-            f"uncertainty there is at most {max(side.band or 0.0 for side in on):.3f} points. "
-            f"(1) gives mobilities {models}.",
+            f"Dimensions and workspace are assumed. The claims are judged over {drawn} pairs of "
+            f"stages. Of {DESIGNS} pairs drawn with seed {SEED}, {ensemble.infeasible} cannot be "
+            f"made and {ensemble.off_chart} are off the hinge chart; these are left out. The "
+            "finite elements of the pairs are replaced by calibrated hinges with elastic bodies. "
+            f"On the reference stages these differ from finite elements by {off:.3f} points; the "
+            f"mesh uncertainty there is at most {max(side.band or 0.0 for side in on):.3f} "
+            f"points. (1) gives mobilities {models}.",
             markdown_table(head, rows),
             "## What else could have produced the errors, in per cent",
             markdown_table(columns, errors, "lrrrrrrr") + "\n",
@@ -732,10 +1011,15 @@ def _more(of: Verdict) -> str:
     said = [f"95 % interval {100 * first.low:.1f} to {100 * first.high:.1f} % of {first.pairs}"]
     if of.depends is not None:
         name, holding, failing = of.depends
-        where = "{:.3g} to {:.3g} where it holds, {:.3g} to {:.3g} where not".format(*holding, *failing)
+        where = "{:.3g} to {:.3g} where it holds, {:.3g} to {:.3g} where not".format(
+            *holding, *failing
+        )
         said.append(f"{name} decides most: {where}")
     if others:
-        shares = (f"{each.formula} {100 * each.holding / each.pairs:.1f} % of {each.pairs}" for each in others)
+        shares = (
+            f"{each.formula} {100 * each.holding / each.pairs:.1f} % of {each.pairs}"
+            for each in others
+        )
         said.append("other formulas: " + ", ".join(shares))
     return "; ".join(said)
 
@@ -745,7 +1029,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Measure the paper's claims.")
     parser.add_argument("--page", type=Path, default=ROOT / "reports" / "claims.md")
     target: Path = parser.parse_args().page
-    on, ensemble = reference(), draw_ensemble()
+    on = reference()
+    ensemble = draw_ensemble()
     verdicts = [judge(claim, on, ensemble) for claim in CLAIMS]
     others = list(alternatives(on.three.stages[0], on.six.stages[0]))
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -2,9 +2,9 @@
 Where does the error come from?
 ===============================
 
-The figure splits the error of the analytic model of the paper in X into shares that add up to it, for necks of 0.2 and
-0.5 mm. Formula (2) was made for thin necks; for thick necks it causes most of the error. Dimensions are assumed.
-"""
+The figure splits the error of the analytic model of the paper in X into shares that add up to it,
+for necks of 0.2 and 0.5 mm. Formula (2) was made for thin necks; for thick necks it causes most of
+the error. Dimensions are assumed."""
 
 from matplotlib import pyplot
 
@@ -24,6 +24,9 @@ for ax, neck, budget in zip(axes, necks, found, strict=True):
 
 for neck, budget in zip(necks, found, strict=True):
     *shares, total = zip(budget.axes["share"], budget.at("share", direction="x"), strict=True)
-    print(f"necks {neck} mm: {total[1]:.2f} ± {budget.band('share', share='total', direction='x'):.2f} in all")
+    print(
+        f"necks {neck} mm: {total[1]:.2f} ± "
+        f"{budget.band('share', share='total', direction='x'):.2f} in all"
+    )
     for name, points in shares:
         print(f"    {points:+7.2f}  {name}")

@@ -2,9 +2,8 @@
 How fast may the platform be driven?
 ====================================
 
-The figure shows the response of the platform to a force in X over the frequency, without and with a payload of 50 g.
-The damping, 1 % of critical, and the dimensions are assumed.
-"""
+The figure shows the response of the platform to a force in X over the frequency, without and with a
+payload of 50 g. The damping, 1 % of critical, and the dimensions are assumed."""
 
 import numpy as np
 from matplotlib import pyplot
@@ -14,7 +13,8 @@ from flexfem.questions.modes import dynamic_model
 
 stage = flexfem.load("../geometry/mobility6.toml")
 models = {
-    payload: dynamic_model(stage, count=6, payload=payload, resolution=4) for payload in ((0.0, 0.0), (0.05, 10.0))
+    payload: dynamic_model(stage, count=6, payload=payload, resolution=4)
+    for payload in ((0.0, 0.0), (0.05, 10.0))
 }
 figure, axes = pyplot.subplots(1, 2, figsize=(11, 4.2), layout="constrained", sharey=True)
 for ax, (payload, model) in zip(axes, models.items(), strict=True):

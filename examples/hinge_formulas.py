@@ -2,10 +2,9 @@
 Which hinge formula is right?
 =============================
 
-The figure shows the rotational compliance of a circular hinge by several formulas, divided by that of finite elements
-of one hinge in plane stress. Some formulas are the same beam integral in different algebra. These agree with one
-another and have the same error.
-"""
+The figure shows the rotational compliance of a circular hinge by several formulas, divided by that
+of finite elements of one hinge in plane stress. Some formulas are the same beam integral in
+different algebra. These agree with one another and have the same error."""
 
 from matplotlib import pyplot
 
@@ -17,7 +16,8 @@ figure, ax = pyplot.subplots(figsize=(8, 5), layout="constrained")
 flexfem.plot.plot_formulas(ax, review, "rotation")
 
 # %%
-# The stiffness in X of the reference stage by each formula. The dimensions of the stage are assumed.
+# The stiffness in X of the reference stage by each formula. The dimensions of the stage are
+# assumed.
 
 stage = flexfem.load("../geometry/mobility6.toml")
 for name, known in known_formulas().items():

@@ -2,10 +2,10 @@
 Shapes of hinges
 ================
 
-A hinge of a mechanism has one of seven shapes. The figure shows each shape with its dimensions, which are the keys of a
-`[[hinge]]` table, and its rotational compliance by the beam integral of the analytic model. All hinges have the same
-neck, and all but the circular one and the v have the same length.
-"""
+A hinge of a mechanism has one of seven shapes. The figure shows each shape with its dimensions,
+which are the keys of a `[[hinge]]` table, and its rotational compliance by the beam integral of the
+analytic model. All hinges have the same neck, and all but the circular one and the v have the same
+length."""
 
 from __future__ import annotations
 
@@ -37,22 +37,38 @@ BODY = 7.0  # height of both bodies, mm
 
 
 def draw(file: str | None = None) -> dict[str, float]:
-    """Print the rotational compliance of every shape, rad/(N mm), and draw all; aluminium, 10 mm thick."""
+    """Print the rotational compliance of every shape, rad/(N mm), and draw all; aluminium, 10 mm
+    thick.
+    """
     figure, axes = pyplot.subplots(2, 4, figsize=(12, 5.6), layout="constrained")
     found = dict[str, float]()
     for ax, (shape, dimensions) in zip(axes.flat, SHAPES.items(), strict=False):
-        profile = profile_of(shape, dimensions if shape == "profile" else dimensions | {"neck": 1.0})
+        profile = profile_of(
+            shape, dimensions if shape == "profile" else dimensions | {"neck": 1.0}
+        )
         found[shape] = float(profile.compliance(71.7e3, 0.33, 10.0)[2, 2])
-        half, end = profile.length / 2, profile.end_height
+        half = profile.length / 2
+        end = profile.end_height
         x = half * np.sin(np.linspace(-np.pi / 2, np.pi / 2, 801))
-        ax.fill_between(x, -profile.height(x) / 2, profile.height(x) / 2, color="#C25500", linewidth=0)
+        ax.fill_between(
+            x, -profile.height(x) / 2, profile.height(x) / 2, color="#C25500", linewidth=0
+        )
         for side in (-1, 1):
-            ax.fill_between([side * half, side * 7.0], -BODY / 2, BODY / 2, color="#E3E6EA", linewidth=0)
+            ax.fill_between(
+                [side * half, side * 7.0], -BODY / 2, BODY / 2, color="#E3E6EA", linewidth=0
+            )
         ax.axhline(0.0, color="white", linewidth=0.6, linestyle="-.")
         arrow(ax, (0.0, -1.9), (0.0, -0.5), "neck", (0.25, -1.9), "->")
         arrow(ax, (-half, -3.1), (half, -3.1), "length", (0.0, -2.95), "<->")
         if "depth" in dimensions:
-            arrow(ax, (0.0, 0.5), (0.0, end / 2), "depth", (0.25, 0.5 + dimensions["depth"] / 2), "<->")
+            arrow(
+                ax,
+                (0.0, 0.5),
+                (0.0, end / 2),
+                "depth",
+                (0.25, 0.5 + dimensions["depth"] / 2),
+                "<->",
+            )
         for (of, name), (start, tip) in MARKS.items():
             if of == shape:
                 arrow(ax, start, tip, name, (start[0] - 0.2, start[1] + 0.15), "->")
@@ -76,7 +92,12 @@ def draw(file: str | None = None) -> dict[str, float]:
 
 def arrow(ax: Any, start: Any, end: Any, name: str, at: Any, style: str) -> None:
     """Draw a dimension with its name."""
-    ax.annotate("", end, start, arrowprops={"arrowstyle": style, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0})
+    ax.annotate(
+        "",
+        end,
+        start,
+        arrowprops={"arrowstyle": style, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0},
+    )
     centred = "center" if name == "length" else "left" if name in ("neck", "depth") else "right"
     ax.text(*at, name, ha=centred, va="bottom" if name != "neck" else "center", fontsize=8)
 

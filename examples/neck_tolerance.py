@@ -2,10 +2,10 @@
 How does a tolerance of the necks change the stiffness?
 =======================================================
 
-Each of the nine necks deviates by its own amount from the drawn width. The figure shows the scatter of the stiffness,
-and the coupling of X and Y, which is zero on a symmetric stage. The analytic model computes 400 stages. Their necks
-are drawn from a normal distribution with a standard deviation of 5 µm. Dimensions and scatter are assumed.
-"""
+Each of the nine necks deviates by its own amount from the drawn width. The figure shows the scatter
+of the stiffness, and the coupling of X and Y, which is zero on a symmetric stage. The analytic
+model computes 400 stages. Their necks are drawn from a normal distribution with a standard
+deviation of 5 µm. Dimensions and scatter are assumed."""
 
 import numpy as np
 from matplotlib import pyplot
@@ -21,7 +21,9 @@ hinges = [(chain, hinge) for chain in (1, 2, 3) for hinge in ("base", "elbow", "
 def drawn():
     """Return the stiffness (3, 3) of one stage with random deviations of its necks."""
     necks = 0.5 + scatter * rng.standard_normal(9)
-    cut = stage.replace(override={at: {"neck": neck} for at, neck in zip(hinges, necks, strict=True)})
+    cut = stage.replace(
+        override={at: {"neck": neck} for at, neck in zip(hinges, necks, strict=True)}
+    )
     return flexfem.analyse(cut, formula="calibrated", mobility=21).stiffness
 
 

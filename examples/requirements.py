@@ -2,9 +2,9 @@
 Which neck and which link give a required stiffness?
 ====================================================
 
-The script finds the longest range at yield in X with a stiffness of at least 60 N/mm. Two dimensions of the reference
-stage are free. The analytic model finds the design; finite elements correct and verify it. Dimensions are assumed.
-"""
+The script finds the longest range at yield in X with a stiffness of at least 60 N/mm. Two
+dimensions of the reference stage are free. The analytic model finds the design; finite elements
+correct and verify it. Dimensions are assumed."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -53,7 +53,8 @@ for each in (*found.objectives, *found.requirements):
     print(f"{each.label}: {each.value:.4g} ± {each.band:.2g} {each.unit} by {each.checked_by}")
 
 # %%
-# The figure shows the effect of a one per cent change of each dimension on both. The stage is printed as a file:
+# The figure shows the effect of a one per cent change of each dimension on both. The stage is
+# printed as a file:
 
 figure, axes = pyplot.subplots(1, 2, figsize=(9, 2.6), layout="constrained", sharey=True)
 for ax, each in zip(axes, (*found.objectives, *found.requirements), strict=True):

@@ -2,10 +2,9 @@
 Which metal has the longest range?
 ==================================
 
-The figure shows the range at yield and the stiffness of the same stage in each of the registered metals. A metal with
-a high strength for its modulus has a long range. The analytic model has calibrated hinges and elastic links.
-Dimensions are assumed.
-"""
+The figure shows the range at yield and the stiffness of the same stage in each of the registered
+metals. A metal with a high strength for its modulus has a long range. The analytic model has
+calibrated hinges and elastic links. Dimensions are assumed."""
 
 from matplotlib import pyplot
 
@@ -21,7 +20,9 @@ for name in materials():
 figure, ax = pyplot.subplots(figsize=(8, 4.8), layout="constrained")
 ax.scatter(*zip(*found.values(), strict=True), color="0.2", zorder=3)
 for index, (name, at) in enumerate(found.items()):
-    ax.annotate(name, at, xytext=(7, -8 if index % 2 else 3), textcoords="offset points", fontsize=9)
+    ax.annotate(
+        name, at, xytext=(7, -8 if index % 2 else 3), textcoords="offset points", fontsize=9
+    )
 ax.set(
     xlabel="range at yield in X (µm)",
     ylabel="stiffness in X (N/mm)",
@@ -34,6 +35,12 @@ ax.grid(color="0.9")
 
 for name, metal in materials().items():
     if metal.fatigue_strength_coefficient:
-        life = flexfem.life(stage.replace(material=name), amplitude=(0.16, 0, 0), ratio=0.0, models="analytic")
+        life = flexfem.life(
+            stage.replace(material=name), amplitude=(0.16, 0, 0), ratio=0.0, models="analytic"
+        )
         hinge = life.axes["hinge"][life.cycles.argmin() % 3]
-        print(f"{name:16} {life.life[0]:.2g} cycles, the {hinge} hinge first", *life.warnings, sep="\n    ")
+        print(
+            f"{name:16} {life.life[0]:.2g} cycles, the {hinge} hinge first",
+            *life.warnings,
+            sep="\n    ",
+        )

@@ -1,20 +1,21 @@
 """Verification and design of planar flexure mechanisms: an analytic model against finite elements.
 
     import flexfem
-    stage = flexfem.load("geometry/mobility6.toml")    # validated and feasible, or BadInput with file, line and key
-    thin = stage.replace(neck={"elbow": 0.4})          # validated again
-    model = flexfem.analyse(thin, mobility=6)          # stiffness, compliance, force, pose, neck_stress, range_at_yield
-    fe = flexfem.solve(thin)                           # the same, and mesh, displacement, stress, band, plot
-    flexfem.errors(thin, mobility=6)                   # per cent (3, 3) with bands
-    found = flexfem.budget(thin)                       # the record that `flexfem budget` prints; so for every command
-    flexfem.plot.plot_budget(ax, found, "x")           # on axes of one's own; so for every result
-    flexfem.export(thin, "part.dxf", kerf=0.3)         # the part for the workshop, also .step and .svg
-    flexfem.import_drawing("part.dxf", "mine.toml", reading=flexfem.Reading(thickness=10.0, material="al-7075-t6"))
-    flexfem.run_study("cases/study-reach.toml")        # many designs; flexfem.study.table(path) for pandas
+    stage = flexfem.load("geometry/mobility6.toml")    # validated and feasible, or BadInput with
+    file, line and key thin = stage.replace(neck={"elbow": 0.4})          # validated again model =
+    flexfem.analyse(thin, mobility=6)          # stiffness, compliance, force, pose, neck_stress,
+    range_at_yield fe = flexfem.solve(thin)                           # the same, and mesh,
+    displacement, stress, band, plot flexfem.errors(thin, mobility=6)                   # per cent
+    (3, 3) with bands found = flexfem.budget(thin)                       # the record that `flexfem
+    budget` prints; so for every command flexfem.plot.plot_budget(ax, found, "x")           # on
+    axes of one's own; so for every result flexfem.export(thin, "part.dxf", kerf=0.3)         # the
+    part for the workshop, also .step and .svg flexfem.import_drawing("part.dxf", "mine.toml",
+    reading=flexfem.Reading(thickness=10.0, material="al-7075-t6"))
+    flexfem.run_study("cases/study-reach.toml")        # many designs; flexfem.study.table(path) for
+    pandas
 
-Arguments are in mm, N, MPa and rad, vectors x, y, theta. Numbers of a result have the units of its tables, which
-`found.unit(name)` returns. Nothing is loaded before it is used.
-"""
+Arguments are in mm, N, MPa and rad, vectors x, y, theta. Numbers of a result have the units of its
+tables, which `found.unit(name)` returns. Nothing is loaded before it is used."""
 
 import re
 from importlib import import_module
@@ -98,7 +99,9 @@ if TYPE_CHECKING:  # names that scripts may use, too; documented in their module
 __version__ = "0.1.0"
 
 _BLOCKS = Path(__file__).read_text().split("\nif TYPE_CHECKING:")[1:]
-_LISTED, OTHERS = (re.findall(r"^    from flexfem\.([\w.]+) import \w+ as (\w+)$", text, re.M) for text in _BLOCKS)
+_LISTED, OTHERS = (
+    re.findall(r"^    from flexfem\.([\w.]+) import \w+ as (\w+)$", text, re.M) for text in _BLOCKS
+)
 _HOMES: dict[str, str] = {name: home for home, name in (*_LISTED, *OTHERS)}
 SUBJECTS = ("design", "plot", "studies", "study", "workshop")
 __all__ = sorted(["__version__", *(name for _, name in _LISTED)])

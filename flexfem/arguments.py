@@ -19,14 +19,21 @@ FINEST = 64  # triangles across a neck
 MOST_LAYERS = 16  # in half the thickness
 
 
-def vectors(name: str, values: ArrayLike, max_dimensions: int | None = None, limit: float = np.inf) -> Array:
-    """Return finite vectors (..., 3) with at most `max_dimensions` axes and entries up to `limit`. Raises BadInput."""
+def vectors(
+    name: str, values: ArrayLike, max_dimensions: int | None = None, limit: float = np.inf
+) -> Array:
+    """Return finite vectors (..., 3) with at most `max_dimensions` axes and entries up to `limit`.
+    Raises BadInput.
+    """
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):
         raise BadInput(f"{name}: expected numbers of shape (..., 3)") from None
     if array.shape[-1:] != (3,) or (max_dimensions and array.ndim > max_dimensions):
-        raise BadInput(f"{name} of shape {array.shape}, expected ({'..., ' * (max_dimensions is None)}3): x, y, theta")
+        raise BadInput(
+            f"{name} of shape {array.shape}, expected ({'..., ' * (max_dimensions is None)}3): x, "
+            "y, theta"
+        )
     if not np.all(np.isfinite(array)):
         raise BadInput(f"{name}: expected finite numbers")
     if np.any(np.abs(array) > limit):
@@ -37,7 +44,11 @@ def vectors(name: str, values: ArrayLike, max_dimensions: int | None = None, lim
 
 def integer(name: str, value: Any, most: int, least: int = 1) -> int:
     """Return an integer from `least` to `most`. Raises BadInput."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= most:
+    if (
+        not isinstance(value, int | np.integer)
+        or isinstance(value, bool)
+        or not least <= value <= most
+    ):
         raise BadInput(f"{name} {printed(value)}, expected an integer from {least} to {most}")
     return int(value)
 
@@ -48,7 +59,9 @@ def resolution(value: Any, least: int = 2) -> int:
 
 
 def thickness_resolution(value: Any, least: int = 1) -> int:
-    """Return the number of elements through half of the thickness, `least` to `MOST_LAYERS`. Raises BadInput."""
+    """Return the number of elements through half of the thickness, `least` to `MOST_LAYERS`. Raises
+    BadInput.
+    """
     return integer("thickness_resolution", value, MOST_LAYERS, least)
 
 
@@ -71,8 +84,12 @@ def positive(name: str, value: Any, most: float) -> float:
 
 
 def between(name: str, value: Any, least: float, most: float, suffix: str = "") -> float:
-    """Return a number from `least` to `most`. Raises BadInput, its text with a `suffix` such as the unit."""
-    return _number(name, value, lambda number: least <= number <= most, f"from {least:g} to {most:g}{suffix}")
+    """Return a number from `least` to `most`. Raises BadInput, its text with a `suffix` such as the
+    unit.
+    """
+    return _number(
+        name, value, lambda number: least <= number <= most, f"from {least:g} to {most:g}{suffix}"
+    )
 
 
 forces = partial(vectors, limit=LARGEST_FORCE)
@@ -80,7 +97,9 @@ poses = partial(vectors, limit=LARGEST_DISPLACEMENT)
 
 
 def pair(name: str, values: Any, most: tuple[float, float], meaning: str) -> tuple[float, float]:
-    """Return two numbers from zero to `most`. Raises BadInput, its text with the `meaning` of the numbers."""
+    """Return two numbers from zero to `most`. Raises BadInput, its text with the `meaning` of the
+    numbers.
+    """
     try:
         first, second = map(float, () if isinstance(values, str) else values)
     except (TypeError, ValueError):

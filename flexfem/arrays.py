@@ -14,20 +14,30 @@ AnyArray: TypeAlias = NDArray[Any]
 Kind = TypeVar("Kind", bound=type)
 
 LONGEST = 300  # characters of `repr`
-ROUND_OFF = 1e-12  # relative to the reference value; smaller numbers are printed as 0, records keep them
+ROUND_OFF = (
+    1e-12  # relative to the reference value; smaller numbers are printed as 0, records keep them
+)
 SINGULAR = 1e10  # condition number of the equilibrated matrix that leaves six digits of sixteen
 
 
 def brief(kind: Kind) -> Kind:
-    """Decorate a named tuple: `repr` has its numbers and texts, and only the sizes of arrays and collections."""
+    """Decorate a named tuple: `repr` has its numbers and texts, and only the sizes of arrays and
+    collections.
+    """
 
     def text(value: Any) -> str:
         if isinstance(value, np.ndarray):
             return f"array {value.shape}"
-        if hasattr(value, "__len__") and not isinstance(value, str) and not hasattr(value, "_fields"):
+        if (
+            hasattr(value, "__len__")
+            and not isinstance(value, str)
+            and not hasattr(value, "_fields")
+        ):
             return f"{len(value)} entries"
         plain = value is None or isinstance(value, str | bool | int | float)
-        return shorten(repr(value), LONGEST // 4, placeholder="...") if plain else type(value).__name__
+        return (
+            shorten(repr(value), LONGEST // 4, placeholder="...") if plain else type(value).__name__
+        )
 
     def of(record: Any) -> str:
         parts = ", ".join(f"{name}={text(value)}" for name, value in record._asdict().items())
@@ -38,15 +48,18 @@ def brief(kind: Kind) -> Kind:
 
 
 def inverse(A: Array) -> Array:
-    """Return the inverse of the matrices A (..., n, n); nan where the condition number exceeds `SINGULAR`.
+    """Return the inverse of the matrices A (..., n, n); nan where the condition number exceeds
+    `SINGULAR`.
 
     Notes
     -----
-    Rows and columns are first scaled to unit largest entry, so that the condition number (1-norm) does not depend on
-    the units mm and rad. One singular design in a batch leaves the others untouched.
-    """
+    Rows and columns are first scaled to unit largest entry, so that the condition number (1-norm)
+    does not depend on the units mm and rad. One singular design in a batch leaves the others
+    untouched."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        a = np.ascontiguousarray(np.moveaxis(A, (-2, -1), (0, 1)))  # designs last: contiguous vector operations
+        a = np.ascontiguousarray(
+            np.moveaxis(A, (-2, -1), (0, 1))
+        )  # designs last: contiguous vector operations
         row_scale = 1.0 / np.max(np.abs(a), axis=1, keepdims=True)
         column_scale = 1.0 / np.max(np.abs(row_scale * a), axis=0, keepdims=True)
         scaled = row_scale * a * column_scale
@@ -59,7 +72,8 @@ def inverse(A: Array) -> Array:
 
 
 def free_stiffness(stiffness: Array) -> Array:
-    """Return `1 / C_ii` (..., n), the stiffness in each direction with the others free, of stiffnesses (..., n, n).
+    """Return `1 / C_ii` (..., n), the stiffness in each direction with the others free, of
+    stiffnesses (..., n, n).
 
     `K_ii` is that with them held.
     """
@@ -71,17 +85,24 @@ def _inverse_3x3(a: Array) -> Array:
 
     Notes
     -----
-    Cofactors would lose digits with the square of the condition number: the compliance at a remote point is nearly that
-    of its rotation alone, which has rank one.
-    """
+    Cofactors would lose digits with the square of the condition number: the compliance at a remote
+    point is nearly that of its rotation alone, which has rank one."""
     (a00, a01, a02), (a10, a11, a12), (a20, a21, a22) = a
-    u, v, x, y = a02 / a22, a12 / a22, a20 / a22, a21 / a22
-    p, q, r, s = a00 - u * a20, a01 - u * a21, a10 - v * a20, a11 - v * a21
+    u = a02 / a22
+    v = a12 / a22
+    x = a20 / a22
+    y = a21 / a22
+    p = a00 - u * a20
+    q = a01 - u * a21
+    r = a10 - v * a20
+    s = a11 - v * a21
     determinant = p * s - q * r
     p, q, r, s = s / determinant, -q / determinant, -r / determinant, p / determinant
-    g, h = -(p * u + q * v), -(r * u + s * v)
+    g = -(p * u + q * v)
+    h = -(r * u + s * v)
     inverted = np.empty_like(a)
-    inverted[0], inverted[1] = (p, q, g), (r, s, h)
+    inverted[0] = (p, q, g)
+    inverted[1] = (r, s, h)
     inverted[2] = -(x * p + y * r), -(x * q + y * s), 1 / a22 - x * g - y * h
     return inverted
 
@@ -99,7 +120,9 @@ def _norm(a: Array) -> Array:
     return np.asarray(np.max(np.sum(np.abs(a), axis=0), axis=0))
 
 
-TIE_TOLERANCE = 1e-7  # relative; values that symmetry makes equal, also of finite elements, differ by less
+TIE_TOLERANCE = (
+    1e-7  # relative; values that symmetry makes equal, also of finite elements, differ by less
+)
 
 
 def is_largest(values: Array, axis: int | tuple[int, ...] | None = None) -> NDArray[np.bool_]:
@@ -107,7 +130,9 @@ def is_largest(values: Array, axis: int | tuple[int, ...] | None = None) -> NDAr
     return np.asarray(values >= (1 - TIE_TOLERANCE) * np.max(values, axis=axis, keepdims=True))
 
 
-LOG_SCALE_RATIO = 30.0  # largest over smallest value above which an axis or a colour scale is logarithmic
+LOG_SCALE_RATIO = (
+    30.0  # largest over smallest value above which an axis or a colour scale is logarithmic
+)
 
 
 def is_wide(values: Array) -> bool:

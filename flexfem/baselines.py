@@ -1,9 +1,8 @@
 """Baselines: accepted numbers of input files, and the comparison of new numbers with them.
 
-A stage, a mechanism and a case are also solved on a mesh that is stored beside the baseline. When these numbers are
-unchanged and others move, the mesh generator has changed and not the solver.
-A baseline holds numbers in internal units, so that another unit of a quantity does not move them.
-"""
+A stage, a mechanism and a case are also solved on a mesh that is stored beside the baseline. When
+these numbers are unchanged and others move, the mesh generator has changed and not the solver. A
+baseline holds numbers in internal units, so that another unit of a quantity does not move them."""
 
 from __future__ import annotations
 
@@ -51,7 +50,8 @@ from flexfem.units import DIRECTIONS, NONE
 
 COARSE = 2  # triangles across the necks of a stored mesh
 ON_KEPT = 1e-7  # accepted change of a compliance on a stored mesh, relative to the diagonal
-FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad; unequal components
+FORCE = (1.0, -2.0, 30.0)
+AMPLITUDE = (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad; unequal components
 POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad; of the drive
 # by model or prefix of the column
 STUDY_GATES = {"analytic": EXACT.relative, "stress": 3e-2, "range": 3e-2, "band": 1e-3}
@@ -96,14 +96,17 @@ OF_MECHANISMS: dict[str, Callable[[Any], Result]] = {  # beside those, or instea
 
 @brief
 class Checked(NamedTuple):
-    """Compared baselines, and the differences found; the command ends with exit code 1 when there are any."""
+    """Compared baselines, and the differences found; the command ends with exit code 1 when there
+    are any.
+    """
 
     checked: list[str]
     findings: list[str]
 
 
 def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
-    """Compare present results with accepted baselines: changed inputs; numbers that moved, appeared or disappeared.
+    """Compare present results with accepted baselines: changed inputs; numbers that moved, appeared
+    or disappeared.
 
     Parameters
     ----------
@@ -117,7 +120,8 @@ def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
     BadInput
         A folder has no baselines, or a file is not a baseline.
     """
-    checked, findings = list[str](), list[str]()
+    checked = list[str]()
+    findings = list[str]()
     for place in map(checked_path, baselines):
         inside = sorted(place.glob("*.json")) if place.is_dir() else [place]
         if not inside:
@@ -137,7 +141,9 @@ def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
     return Checked(checked, list(dict.fromkeys(findings)))
 
 
-def baseline(*files: Path, reason: str, baselines: Path | None = None, progress: Progress | None = None) -> list[Path]:
+def baseline(
+    *files: Path, reason: str, baselines: Path | None = None, progress: Progress | None = None
+) -> list[Path]:
     """Accept the present results of input files as their baselines; returns the files written.
 
     Parameters
@@ -154,7 +160,8 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
     Raises
     ------
     BadInput, ComputationFailed
-        A file cannot be used, its baseline is that of another one, the reason is empty, or a question fails.
+        A file cannot be used, its baseline is that of another one, the reason is empty, or a
+        question fails.
     """
     if not isinstance(reason, str) or not reason.strip():
         raise BadInput("reason is empty, expected the reason why the numbers may move")
@@ -166,7 +173,9 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
         target = folder / f"{path.stem}.json"
         owner = read(target)["file"] if target.exists() else _relative(path, folder)
         if targets.setdefault(target, path) != path or owner != _relative(path, folder):
-            raise BadInput(f"{path}: {target} is the baseline of another file, expected another name or folder")
+            raise BadInput(
+                f"{path}: {target} is the baseline of another file, expected another name or folder"
+            )
     for target, path in targets.items():
         if progress is not None:
             progress(path.stem)
@@ -182,8 +191,15 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
                 for question, found in numbers_of(path, target.parent)
             },
         }
-        text = json.dumps(data, indent=1, allow_nan=False).replace("[\n    ", "[").replace(",\n     ", ", ") + "\n"
-        write_atomically(target, methodcaller("write", text.encode()), again=True)  # a line for every number
+        text = (
+            json.dumps(data, indent=1, allow_nan=False)
+            .replace("[\n    ", "[")
+            .replace(",\n     ", ", ")
+            + "\n"
+        )
+        write_atomically(
+            target, methodcaller("write", text.encode()), again=True
+        )  # a line for every number
     return list(targets)
 
 
@@ -192,7 +208,9 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def _stored(number: Number) -> list[Any]:
-    """Return a number and its band in internal units for JSON: "inf" where unlimited, one entry without a band."""
+    """Return a number and its band in internal units for JSON: "inf" where unlimited, one entry
+    without a band.
+    """
     value = number.value / number.unit.factor
     band = number.band / number.unit.factor
     plain = value if np.isfinite(value) else str(value)
@@ -211,13 +229,17 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def check(path: Path) -> list[str]:
-    """Return the changed inputs, or if there are none the changed numbers. Raises BadInput, ComputationFailed."""
+    """Return the changed inputs, or if there are none the changed numbers. Raises BadInput,
+    ComputationFailed.
+    """
     data = read(path)
     source = Path(os.path.normpath(path.parent / data["file"]))
     if not source.exists():
         return [f"{path}: its input file is missing: {source}"]
     if source.stem != path.stem or kind_of(source) != data["kind"]:
-        return [f"{path}: the baseline of a {data['kind']}, but {source} is of kind {kind_of(source)}"]
+        return [
+            f"{path}: the baseline of a {data['kind']}, but {source} is of kind {kind_of(source)}"
+        ]
     was, now = (
         {(file, key): value for file, keys in inputs.items() for key, value in keys.items()}
         for inputs in (data["inputs"], inputs_of(source))
@@ -228,17 +250,26 @@ def check(path: Path) -> list[str]:
         for place in dict.fromkeys([*was, *now])
         if was.get(place) != now.get(place)
     ]
-    return changes or list(_moved(path.stem, data["numbers"], dict(numbers_of(source, path.parent))))
+    return changes or list(
+        _moved(path.stem, data["numbers"], dict(numbers_of(source, path.parent)))
+    )
 
 
 def _became(old: Any, new: Any) -> str:
-    return f"is new: {new}" if old is None else f"is gone, was {old}" if new is None else f"was {old}, is {new}"
+    return (
+        f"is new: {new}"
+        if old is None
+        else f"is gone, was {old}"
+        if new is None
+        else f"was {old}, is {new}"
+    )
 
 
 def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Iterator[str]:
     """Yield numbers that moved beyond their gates, appeared or disappeared."""
     for question in dict.fromkeys([*was, *now]):
-        old, new = was.get(question, {}), now.get(question, {})
+        old = was.get(question, {})
+        new = now.get(question, {})
         for key in dict.fromkeys([*old, *new]):
             place = f"{name}: {question}.{key}"
             if key not in new:
@@ -255,11 +286,20 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
                 yield f"{place} was {before:.15g}, is {one.value:.15g}{unit}, {moved}"
             larger = max(1.0, bands[0] / one.band) if bands and one.band > 0 else 1.0
             accepted = one.accepted_band * larger + one.accepted
-            if bands and not np.isnan(one.band) and not math.isclose(one.band, *bands, rel_tol=0.0, abs_tol=accepted):
-                yield f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}{unit}, accepted {one.accepted_band:.2g}"
+            if (
+                bands
+                and not np.isnan(one.band)
+                and not math.isclose(one.band, *bands, rel_tol=0.0, abs_tol=accepted)
+            ):
+                yield (
+                    f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}{unit}, accepted "
+                    f"{one.accepted_band:.2g}"
+                )
         # round-off decides which of equal stresses has the band, so bands are compared by quantity
         had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}
-        for quantity in had ^ {key.partition(".")[0] for key, each in new.items() if not np.isnan(each.band)}:
+        for quantity in had ^ {
+            key.partition(".")[0] for key, each in new.items() if not np.isnan(each.band)
+        }:
             yield f"{name}: {question}.{quantity}: its bands appeared or disappeared"
 
 
@@ -293,7 +333,9 @@ def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
     """Return the values of an input file and of the files that it names, by file name and key path."""
     own = _values_of(path)
     named = {value: path.parent / value for value in own.values() if isinstance(value, str)}
-    return {path.name: own} | {value: _values_of(other) for value, other in named.items() if os.path.isfile(other)}
+    return {path.name: own} | {
+        value: _values_of(other) for value, other in named.items() if os.path.isfile(other)
+    }
 
 
 def _values_of(path: Path) -> dict[str, Any]:
@@ -303,20 +345,31 @@ def _values_of(path: Path) -> dict[str, Any]:
     data: Any = read_toml(path).data
     values = {key_path(at, data): reduce(getitem, at, data) for at in paths_in(data)}
     plain = {key: value for key, value in values.items() if not isinstance(value, dict | list)}
-    return {key: value if isinstance(value, str | int | float) else str(value) for key, value in plain.items()}
+    return {
+        key: value if isinstance(value, str | int | float) else str(value)
+        for key, value in plain.items()
+    }
 
 
 # numbers
 
 
 def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
-    """Yield the numbers of an input file by question; `folder` holds meshes. Raises BadInput, ComputationFailed."""
+    """Yield the numbers of an input file by question; `folder` holds meshes. Raises BadInput,
+    ComputationFailed.
+    """
     match kind_of(path):
         case "stage" | "mechanism":
             plate = load(path)
             questions = QUESTIONS
-            if isinstance(plate, Mechanism):  # the summary repeats numbers of stiffness, modes and reach
-                questions = {name: one for name, one in (QUESTIONS | OF_MECHANISMS).items() if name != "summary"}
+            if isinstance(
+                plate, Mechanism
+            ):  # the summary repeats numbers of stiffness, modes and reach
+                questions = {
+                    name: one
+                    for name, one in (QUESTIONS | OF_MECHANISMS).items()
+                    if name != "summary"
+                }
             for name, question in questions.items():
                 try:
                     yield name, _compared(question(plate))
@@ -328,7 +381,8 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
             yield "errors", _compared(run_case(loaded))
             if loaded.case.model == "fe":
                 for curve in loaded.case.curve:
-                    stage, file = loaded.stages[curve.label], loaded.stage_path(curve)
+                    stage = loaded.stages[curve.label]
+                    file = loaded.stage_path(curve)
                     yield f"mesh of {curve.label}", kept(stage, file, folder)
         case _:
             yield "table", _by_path(_of_study(path))
@@ -351,21 +405,37 @@ def _number(path: str, value: float, accepted: float) -> Number:
 
 
 def kept(plate: Stage | Mechanism, path: Path, folder: Path) -> Numbers:
-    """Return the compliance on the stored mesh, which is made if missing. Raises BadInput when it is damaged."""
+    """Return the compliance on the stored mesh, which is made if missing. Raises BadInput when it
+    is damaged.
+    """
     place = folder / f"{path.stem}-{plate.hash[:8]}.npz"
     if not place.exists():
-        made = build_mesh(plate, COARSE) if isinstance(plate, Stage) else mesh_layout(plate.layout, COARSE)
-        arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in made.edges.items()} | {"nodes": made.nodes}
-        arrays |= {"triangles": made.triangles.astype(np.int32), "bodies": made.bodies.astype(np.int16)}
-        write_atomically(place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+        made = (
+            build_mesh(plate, COARSE)
+            if isinstance(plate, Stage)
+            else mesh_layout(plate.layout, COARSE)
+        )
+        arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in made.edges.items()} | {
+            "nodes": made.nodes
+        }
+        arrays |= {
+            "triangles": made.triangles.astype(np.int32),
+            "bodies": made.bodies.astype(np.int16),
+        }
+        write_atomically(
+            place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
+        )
     held = read_arrays(place, "a stored mesh")
     try:
-        edges = {name.removeprefix("edges."): held[name] for name in held if name.startswith("edges.")}
+        edges = {
+            name.removeprefix("edges."): held[name] for name in held if name.startswith("edges.")
+        }
         bodies, triangles = (held[name].astype(np.int64) for name in ("bodies", "triangles"))
         mesh = StageMesh(held["nodes"], triangles, bodies, edges)
         check_triangles(mesh, plate_polygon(plate.layout).area, len(components(plate.layout)))
         if isinstance(plate, Stage):
-            ports, C = list[str](DIRECTIONS), platform_response(mesh, plate_of(plate)).compliance
+            ports = list[str](DIRECTIONS)
+            C = platform_response(mesh, plate_of(plate)).compliance
         else:
             C = plate_response(plate.layout, mesh).compliance
             ports = [port.label.replace(" ", "_") for port in plate.layout.ports]
@@ -387,7 +457,9 @@ def _of_study(path: Path) -> Iterator[Number]:
         found = table(flexfem.collect_study(path, folder)["written"][0], as_arrow=True)
     every = {name: found[name].to_numpy() for name in found.column_names}
     columns = {name: values for name, values in every.items() if values.dtype.kind in "fi"}
-    sizes = sizes_of(columns) | dict.fromkeys(ERRORS, np.asarray(100.0))  # the largest number of the column for others
+    sizes = sizes_of(columns) | dict.fromkeys(
+        ERRORS, np.asarray(100.0)
+    )  # the largest number of the column for others
     model = str(read_toml(path).data.get("model"))
     for name, values in columns.items():
         relative = STUDY_GATES.get(model) or STUDY_GATES.get(name.partition("_")[0], COARSER_TABLE)

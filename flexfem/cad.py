@@ -1,4 +1,6 @@
-"""Export of a plate for the workshop: .dxf and .svg drawings of lines and arcs in mm, and a .step solid."""
+"""Export of a plate for the workshop: .dxf and .svg drawings of lines and arcs in mm, and a .step
+solid.
+"""
 
 from __future__ import annotations
 
@@ -29,13 +31,19 @@ from flexfem.refused import BadInput, ComputationFailed
 
 FORMATS = (".dxf", ".svg", ".step")
 TIME_LIMIT = 120.0  # s, for gmsh
-SMALLEST = 0.01  # mm, of kerf and holes; a smaller value is a unit error: wires have 0.02 mm or more
+SMALLEST = (
+    0.01  # mm, of kerf and holes; a smaller value is a unit error: wires have 0.02 mm or more
+)
 LARGEST_KERF = 10.0  # mm, some 30 times a common kerf
 LARGEST_HOLE = 1e3  # mm
 TOLERANCE = 1e-9  # relative, of the volume of a solid that is read back
 OF_ARCS = 1e-5  # the same for a mechanism, where arcs may stand for other curves
-METAL, HOLES, GROUND = "METAL", "HOLES", "GROUND"  # HOLES: the round ones; GROUND: fixed bodies and clamped edges
-MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"
+METAL = "METAL"
+HOLES = "HOLES"
+GROUND = "GROUND"  # HOLES: the round ones; GROUND: fixed bodies and clamped edges
+MARKS = "CENTRE_MARKS"
+SIZES = "DIMENSIONS"
+WIRE = "WIRE_PATH"
 COLOURS = {  # of each layer, dark on white
     METAL: "#1A1A1A",
     HOLES: "#B00000",
@@ -44,7 +52,9 @@ COLOURS = {  # of each layer, dark on white
     SIZES: "#007A58",
     WIRE: "#CC3399",
 }
-LIMITS = ("the models clamp only the back edges of the pads and fill the hub hole with a rigid disc",)  # of a stage
+LIMITS = (
+    "the models clamp only the back edges of the pads and fill the hub hole with a rigid disc",
+)  # of a stage
 LONGEST = 100  # characters of a name on a drawing
 LINE = 0.1  # mm, line width in an SVG
 HEAD = 3.0  # length over width of an arrow head
@@ -56,8 +66,10 @@ Plate: TypeAlias = Stage | Mechanism
 class PartReport(NamedTuple):
     """A part and the file it was written to; lengths in mm.
 
-    area : of the part, mm^2.   volume : area times thickness, mm^3.   cut : length of all contours of the part.
-    path : length of the wire's path, None without a kerf.   mounting : diameter of the mounting holes, or None.
+    area : of the part, mm^2.   volume : area times thickness, mm^3.   cut : length of all contours
+    of the part.
+    path : length of the wire's path, None without a kerf.   mounting : diameter of the mounting
+    holes, or None.
     layers : of a drawing.
     """
 
@@ -78,7 +90,9 @@ class PartReport(NamedTuple):
     not_stated: list[str]
 
 
-def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: float | None = None) -> PartReport:
+def export(
+    stage: Plate, output: Path, *, kerf: float | None = None, holes: float | None = None
+) -> PartReport:
     """Write a stage or a mechanism as a drawing or a solid for the workshop, in mm.
 
     Parameters
@@ -88,7 +102,8 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
     kerf : float, optional
         Width of the wire's cut, mm; with it a drawing also has the centre line of the cut.
     holes : float, optional
-        Diameter of a mounting hole in every pad of a stage, mm; the models do not include these holes.
+        Diameter of a mounting hole in every pad of a stage, mm; the models do not include these
+        holes.
 
     Raises
     ------
@@ -100,16 +115,29 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
     target = checked_path(output)
     if target.suffix not in FORMATS:
         given = f"extension {target.suffix!r}" if target.suffix else "no extension"
-        raise BadInput(f"{place_of(target)}: {given}, expected a file name that ends in one of {', '.join(FORMATS)}")
+        raise BadInput(
+            f"{place_of(target)}: {given}, expected a file name that ends in one of "
+            f"{', '.join(FORMATS)}"
+        )
     if kerf is not None and target.suffix == ".step":
-        raise BadInput(f"{place_of(target)}: a kerf with .step, expected .dxf or .svg: a wire path is two-dimensional")
+        raise BadInput(
+            f"{place_of(target)}: a kerf with .step, expected .dxf or .svg: a wire path is "
+            "two-dimensional"
+        )
     kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
-    holes = None if holes is None else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
+    holes = (
+        None
+        if holes is None
+        else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
+    )
     check_file(target, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
     check_feasible(stage)
     layout = stage.layout if holes is None else _with_holes(stage, holes)
-    part, warnings = Part(plate_contours(layout)), [*LIMITS] if isinstance(stage, Stage) else list[str]()
-    warnings += ["the models do not include the mounting holes, which make the pads softer"] * (holes is not None)
+    part = Part(plate_contours(layout))
+    warnings = [*LIMITS] if isinstance(stage, Stage) else list[str]()
+    warnings += ["the models do not include the mounting holes, which make the pads softer"] * (
+        holes is not None
+    )
     wire = None if kerf is None else cut_path(part, kerf)
     if kerf is not None:
         warnings.append(f"the wire cuts sharp inner corners with a radius of {kerf / 2:g} mm")
@@ -119,7 +147,9 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
     else:
         notes = [*_notes(stage), *warnings]
         if kerf is not None:
-            notes.append(f"{WIRE}: centre line of a cut {kerf:.6g} mm wide, the wire plus its spark gap")
+            notes.append(
+                f"{WIRE}: centre line of a cut {kerf:.6g} mm wide, the wire plus its spark gap"
+            )
         sheet = sheet_of(layout, part, wire, dimensions_of(stage, layout), notes)
         text = svg_text(sheet) if target.suffix == ".svg" else dxf_text(sheet)
         write_atomically(target, lambda file: file.write(text.encode()))
@@ -143,63 +173,90 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
 def _with_holes(plate: Plate, diameter: float) -> Layout:
     """Return the layout of a stage with a hole in the middle of every pad."""
     if isinstance(plate, Mechanism):
-        raise BadInput(f"mounting holes of {diameter:g} mm: expected a stage file; a mechanism states holes of bodies")
+        raise BadInput(
+            f"mounting holes of {diameter:g} mm: expected a stage file; a mechanism states holes "
+            "of bodies"
+        )
     if not diameter < (width := plate.chain.link_width):
         most = f"the pad width: chain.link_width_mm = {width:g}"
         raise BadInput(f"mounting holes of {diameter:g} mm, expected less than {most}")
     bodies = list(plate.layout.bodies)
     for k, body in enumerate(bodies):
         middle = sum(segment.start for segment in body.outline) / len(body.outline)
-        bodies[k] = body._replace(holes=(tuple(reverse(disc(middle, diameter / 2).loop)),)) if body.clamped else body
+        bodies[k] = (
+            body._replace(holes=(tuple(reverse(disc(middle, diameter / 2).loop)),))
+            if body.clamped
+            else body
+        )
     return plate.layout._replace(bodies=tuple(bodies))
 
 
 def write_step(name: str, layout: Layout, part: Part, path: Path) -> None:
-    """Write the part, extruded from z = 0 to the thickness, as one solid for each piece, and read it back.
+    """Write the part, extruded from z = 0 to the thickness, as one solid for each piece, and read
+    it back.
 
-    Raises ComputationFailed when what is read does not have the part's volume and height in mm, BadInput when the
-    file cannot be written.
-    """
-    pieces, thickness = sum(area(loop) > 0 for loop in part.loops), layout.thickness
+    Raises ComputationFailed when what is read does not have the part's volume and height in mm,
+    BadInput when the file cannot be written."""
+    pieces = sum(area(loop) > 0 for loop in part.loops)
+    thickness = layout.thickness
     curves = [curve for joint in layout.joints for edge in joint.profile.edges() for curve in edge]
     most = TOLERANCE if all(isinstance(curve, Segment) for curve in curves) else OF_ARCS
     with replacing(path) as temporary:
-        read = run_mesher(PlateSolid(str(temporary), regions_of(layout, circles=True), thickness), TIME_LIMIT)
-        found, height = read["volumes"], float(read["box"][1, 2] - read["box"][0, 2])
+        read = run_mesher(
+            PlateSolid(str(temporary), regions_of(layout, circles=True), thickness), TIME_LIMIT
+        )
+        found = read["volumes"]
+        height = float(read["box"][1, 2] - read["box"][0, 2])
         off = abs(found.sum() / (part.area * thickness) - 1)
         if len(found) != pieces or off > most or abs(height - thickness) > 1e-6:
             raise ComputationFailed(
-                f"{path}: read back as {len(found)} solids of {found.sum():.12g} mm^3, {height:.6g} mm high, "
-                f"expected {pieces} of {part.area * thickness:.12g} mm^3, {thickness:g} mm high; nothing is written"
+                f"{path}: read back as {len(found)} solids of {found.sum():.12g} mm^3, "
+                f"{height:.6g} mm high, expected {pieces} of {part.area * thickness:.12g} mm^3, "
+                f"{thickness:g} mm high; nothing is written"
             )
         name = name.replace("\\", "\\\\").replace("'", "''")  # encoded by ISO 10303-21
         name = re.sub("[\u0080-\uffff]", lambda match: f"\\X2\\{ord(match[0]):04X}\\X0\\", name)
-        name = re.sub("[\U00010000-\U0010ffff]", lambda match: f"\\X4\\{ord(match[0]):08X}\\X0\\", name)
-        product = re.compile(r"(= PRODUCT\()'[^']*',\s*'[^']*'")  # shown by CAD programs; OpenCASCADE writes its own
-        text = product.sub(lambda match: f"{match[1]}'{name}','{name}'", temporary.read_text(), count=1)
-        text = re.sub(r"(FILE_NAME\('[^']*',\s*)'[^']*'", r"\1'1970-01-01T00:00:00'", text, count=1)  # no date
+        name = re.sub(
+            "[\U00010000-\U0010ffff]", lambda match: f"\\X4\\{ord(match[0]):08X}\\X0\\", name
+        )
+        product = re.compile(
+            r"(= PRODUCT\()'[^']*',\s*'[^']*'"
+        )  # shown by CAD programs; OpenCASCADE writes its own
+        text = product.sub(
+            lambda match: f"{match[1]}'{name}','{name}'", temporary.read_text(), count=1
+        )
+        text = re.sub(
+            r"(FILE_NAME\('[^']*',\s*)'[^']*'", r"\1'1970-01-01T00:00:00'", text, count=1
+        )  # no date
         temporary.write_text(text)
 
 
 class Sheet(NamedTuple):
-    """Drawing in mm, x to the right and y upwards, with the platform centre of a stage at the origin.
+    """Drawing in mm, x to the right and y upwards, with the platform centre of a stage at the
+    origin.
 
     paths : closed loops of segments by layer, and lines as paths of one segment.
-    texts : text, position, and whether the position is the middle of the text or its lower left corner.
-    """
+    texts : text, position, and whether the position is the middle of the text or its lower left
+    corner."""
 
     paths: dict[str, list[list[Segment]]]
     dimensions: Dimensions
     texts: list[tuple[str, complex, bool]]
 
 
-def sheet_of(layout: Layout, part: Part, wire: Part | None, sizes: Dimensions, notes: list[str]) -> Sheet:
-    """Return the drawing of a part, with the path of a `wire` if there is one, its dimensions, and notes below."""
+def sheet_of(
+    layout: Layout, part: Part, wire: Part | None, sizes: Dimensions, notes: list[str]
+) -> Sheet:
+    """Return the drawing of a part, with the path of a `wire` if there is one, its dimensions, and
+    notes below.
+    """
     holes = [loop for loop in part.loops if circle_of(loop) and area(loop) < 0]
     metal = [loop for loop in part.loops if loop not in holes]
     ground = [[*body.outline] for body in layout.bodies if body.fixed]
     ground += [[body.outline[k]] for body in layout.bodies if not body.fixed for k in body.clamped]
-    centres = [joint.place for joint in layout.joints] + [circle[0] for circle in map(circle_of, holes) if circle]
+    centres = [joint.place for joint in layout.joints] + [
+        circle[0] for circle in map(circle_of, holes) if circle
+    ]
     corners = [segment.start for loop in metal for segment in loop]
     lowest = min(z.imag for z in [*corners, *(label.place for label in sizes.labels)])
     foot = complex(min(z.real for z in corners), lowest - 5 * sizes.height)
@@ -209,11 +266,17 @@ def sheet_of(layout: Layout, part: Part, wire: Part | None, sizes: Dimensions, n
         METAL: metal,
         HOLES: holes,
         GROUND: ground,
-        MARKS: [[Segment(z - half, z + half)] for z in centres for half in (sizes.height / 2, 0.5j * sizes.height)],
+        MARKS: [
+            [Segment(z - half, z + half)]
+            for z in centres
+            for half in (sizes.height / 2, 0.5j * sizes.height)
+        ],
         SIZES: [[Segment(*label.line)] for label in sizes.labels],
         WIRE: wire.loops if wire else [],
     }
-    return Sheet({name: found for name, found in paths.items() if found or name == SIZES}, sizes, texts)
+    return Sheet(
+        {name: found for name, found in paths.items() if found or name == SIZES}, sizes, texts
+    )
 
 
 def _notes(stage: Plate) -> list[str]:
@@ -229,12 +292,20 @@ def _notes(stage: Plate) -> list[str]:
 
 
 def svg_text(sheet: Sheet) -> str:
-    """Return the text of an SVG file, in which y points down and so is the negative of the drawing's y."""
+    """Return the text of an SVG file, in which y points down and so is the negative of the
+    drawing's y.
+    """
     low, high = _corners(sheet)
     box = [low.real, -high.imag, (high - low).real, (high - low).imag]
-    size = {"width": f"{box[2]!r}mm", "height": f"{box[3]!r}mm", "viewBox": " ".join(map(repr, box))}
+    size = {
+        "width": f"{box[2]!r}mm",
+        "height": f"{box[3]!r}mm",
+        "viewBox": " ".join(map(repr, box)),
+    }
     root = ElementTree.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size})
-    ElementTree.SubElement(root, "title").text = next(text for text, _, centred in sheet.texts if not centred)
+    ElementTree.SubElement(root, "title").text = next(
+        text for text, _, centred in sheet.texts if not centred
+    )
     look = {"fill": "none", "stroke-width": str(LINE)}
     for name, loops in sheet.paths.items():
         group = ElementTree.SubElement(root, "g", {"id": name, "stroke": COLOURS[name], **look})
@@ -256,9 +327,14 @@ def _corners(sheet: Sheet) -> tuple[complex, complex]:
     points += [end for span in sizes.spans for end in span.line]
     for text, place, centred in sheet.texts:
         width = sizes.height * LETTER * len(text)
-        points += [place - width / 2 - 1j * sizes.height, place + width / 2] if centred else [place, place + width]
+        points += (
+            [place - width / 2 - 1j * sizes.height, place + width / 2]
+            if centred
+            else [place, place + width]
+        )
     margin = 3 * sizes.height * (1 + 1j)
-    x, y = [float(z.real) for z in points], [float(z.imag) for z in points]
+    x = [float(z.real) for z in points]
+    y = [float(z.imag) for z in points]
     return complex(min(x), min(y)) - margin, complex(max(x), max(y)) + margin
 
 
@@ -275,7 +351,9 @@ def _svg_path(path: list[Segment]) -> str:
             steps.append(f"L {_pair(segment.end)}")
         else:
             radius = float(abs(segment.start - segment.centre))
-            steps.append(f"A {radius!r} {radius!r} 0 0 {int(segment.turn < 0)} {_pair(segment.end)}")
+            steps.append(
+                f"A {radius!r} {radius!r} 0 0 {int(segment.turn < 0)} {_pair(segment.end)}"
+            )
     return " ".join(steps + ["Z"] * (len(path) > 1))
 
 
@@ -288,19 +366,40 @@ def _svg_dimensions(group: Any, sheet: Sheet) -> None:
             ElementTree.SubElement(group, "path", {"d": _svg_path([Segment(*line)])})
         along = (end - start) / abs(end - start)
         for tip, inwards in ((start, along), (end, -along)):
-            back, half = tip + height * inwards, 1j * inwards * height / HEAD / 2
+            back = tip + height * inwards
+            half = 1j * inwards * height / HEAD / 2
             corners = " ".join(map(_pair, (tip, back + half, back - half)))
             ElementTree.SubElement(group, "polygon", {"points": corners, "fill": COLOURS[SIZES]})
         _svg_text(group, span.text, (start + end) / 2 + 0.4j * along * height, height, along)
     for text, place, centred in sheet.texts:
-        _svg_text(group, text, place - 0.35j * height * centred, height, anchor="middle" if centred else "start")
+        _svg_text(
+            group,
+            text,
+            place - 0.35j * height * centred,
+            height,
+            anchor="middle" if centred else "start",
+        )
 
 
-def _svg_text(group: Any, text: str, at: complex, height: float, along: complex = 1, anchor: str = "middle") -> None:
+def _svg_text(
+    group: Any, text: str, at: complex, height: float, along: complex = 1, anchor: str = "middle"
+) -> None:
     """Add a line of text along a direction, with its base line through a point."""
-    rotation = {"transform": f"rotate({-math.degrees(cmath.phase(along)):.6f} {_pair(at)})"} if along != 1 else {}
-    place = dict(zip(("x", "y"), _pair(at).split(), strict=True)) | {"text-anchor": anchor, **rotation}
-    look = {"fill": COLOURS[SIZES], "stroke": "none", "font-size": f"{height:.6g}", "font-family": "sans-serif"}
+    rotation = (
+        {"transform": f"rotate({-math.degrees(cmath.phase(along)):.6f} {_pair(at)})"}
+        if along != 1
+        else {}
+    )
+    place = dict(zip(("x", "y"), _pair(at).split(), strict=True)) | {
+        "text-anchor": anchor,
+        **rotation,
+    }
+    look = {
+        "fill": COLOURS[SIZES],
+        "stroke": "none",
+        "font-size": f"{height:.6g}",
+        "font-family": "sans-serif",
+    }
     ElementTree.SubElement(group, "text", place | look).text = text
 
 
@@ -313,10 +412,14 @@ def dxf_text(sheet: Sheet) -> str:
     ezdxf.options.write_fixed_meta_data_for_testing = True  # without times and random identifiers
     try:
         document = ezdxf.new("R2010")  # UTF-8, and read by current programs
-        document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1  # mm, metric
-        document.header["$LUNITS"], document.header["$LUPREC"] = 2, 8  # decimal
+        document.header["$INSUNITS"] = 4
+        document.header["$MEASUREMENT"] = 1  # mm, metric
+        document.header["$LUNITS"] = 2
+        document.header["$LUPREC"] = 8  # decimal
         for name in sheet.paths:
-            layer = document.layers.add(name)  # the part in colour 7: black or white, opposite to the background
+            layer = document.layers.add(
+                name
+            )  # the part in colour 7: black or white, opposite to the background
             if name != METAL:
                 layer.rgb = ezdxf.colors.int2rgb(int(COLOURS[name][1:], 16))
         _dxf_entities(document.modelspace(), sheet)
@@ -331,7 +434,9 @@ def dxf_text(sheet: Sheet) -> str:
 
 
 def _dxf_entities(space: Any, sheet: Sheet) -> None:
-    """Add lines, arcs (counter-clockwise in DXF), circles, dimensions (measured by the reader) and texts."""
+    """Add lines, arcs (counter-clockwise in DXF), circles, dimensions (measured by the reader) and
+    texts.
+    """
     for name, loop in ((name, loop) for name, loops in sheet.paths.items() for loop in loops):
         if circle := circle_of(loop):
             space.add_circle(_point(circle[0]), float(circle[1]), {"layer": name})
@@ -340,20 +445,38 @@ def _dxf_entities(space: Any, sheet: Sheet) -> None:
             if segment.centre is None:
                 space.add_line(_point(segment.start), _point(segment.end), {"layer": name})
                 continue
-            ends = (segment.start, segment.end) if segment.turn > 0 else (segment.end, segment.start)
+            ends = (
+                (segment.start, segment.end) if segment.turn > 0 else (segment.end, segment.start)
+            )
             first, last = (math.degrees(cmath.phase(end - segment.centre)) for end in ends)
             radius = float(abs(segment.start - segment.centre))
             space.add_arc(_point(segment.centre), radius, first, last, dxfattribs={"layer": name})
-    height, on = sheet.dimensions.height, {"layer": SIZES}
-    look = {"dimtxt": height, "dimasz": height, "dimexe": height / 2, "dimexo": height / 2, "dimgap": height / 4}
+    height = sheet.dimensions.height
+    on = {"layer": SIZES}
+    look = {
+        "dimtxt": height,
+        "dimasz": height,
+        "dimexe": height / 2,
+        "dimexo": height / 2,
+        "dimgap": height / 4,
+    }
     look |= {"dimdec": 6, "dimzin": 8, "dimdsep": ord(".")}
     look |= dict.fromkeys(("dimclrd", "dimclre", "dimclrt"), ezdxf.const.BYLAYER)
     for span in sheet.dimensions.spans:
-        given = {"distance": span.away, "text": f"{span.name} <>", "override": look, "dxfattribs": on}
+        given = {
+            "distance": span.away,
+            "text": f"{span.name} <>",
+            "override": look,
+            "dxfattribs": on,
+        }
         space.add_aligned_dim(_point(span.start), _point(span.end), **given).render()
     for text, place, centred in sheet.texts:
         plain = text.replace("%%", 2 * "%%%").replace("^", "^ ")  # % and ^ begin control codes
-        side = ezdxf.enums.TextEntityAlignment.MIDDLE_CENTER if centred else ezdxf.enums.TextEntityAlignment.LEFT
+        side = (
+            ezdxf.enums.TextEntityAlignment.MIDDLE_CENTER
+            if centred
+            else ezdxf.enums.TextEntityAlignment.LEFT
+        )
         space.add_text(plain, height=height, dxfattribs=on).set_placement(_point(place), align=side)
 
 

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlatformModel:
-    """Common interface of both models; poses (..., 3) in mm, mm, rad, forces (..., 3) in N, N, N mm, order x, y, theta.
+    """Common interface of both models; poses (..., 3) in mm, mm, rad, forces (..., 3) in N, N, N
+    mm, order x, y, theta.
 
     stiffness, compliance : (3, 3), of the platform at rest: N, mm, rad.
     """
@@ -46,20 +47,28 @@ class PlatformModel:
         return f"<{type(self).__name__} of {self.stage.name!r}: {free}>"
 
     def force(self, pose: ArrayLike) -> Array:
-        """Return the load (..., 3) that holds the platform at poses (..., 3), by (18). Raises BadInput: other shape."""
+        """Return the load (..., 3) that holds the platform at poses (..., 3), by (18). Raises
+        BadInput: other shape.
+        """
         return apply(self.stiffness, poses("pose", pose))
 
     def pose(self, force: ArrayLike) -> Array:
-        """Return the pose (..., 3) of the platform under loads (..., 3). Raises BadInput: other shape."""
+        """Return the pose (..., 3) of the platform under loads (..., 3). Raises BadInput: other
+        shape.
+        """
         return apply(self.compliance, forces("force", force))
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, at poses (..., 3)."""
+        """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, at poses
+        (..., 3).
+        """
         raise NotImplementedError
 
     @cached_property
     def range_at_yield(self) -> Array:
-        """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
+        """Displacement (3,) in each direction, the others held, at which the first neck yields: mm,
+        mm, rad.
+        """
         highest: Array = np.max(self.neck_stress(np.eye(3)), axis=(1, 2))
         return self.stage.material.yield_strength / highest
 
@@ -68,7 +77,8 @@ class PlatformModel:
 class AnalyticModel(PlatformModel):
     """The pseudo-rigid model of a stage at rest, as `analyse` returns it.
 
-    mobility : by (1).   formula : of the hinges.   links : whether pads, links and platform are elastic.
+    mobility : by (1).   formula : of the hinges.   links : whether pads, links and platform are
+    elastic.
     chosen : settings of the model; its stage has the plane model that was used.
     """
 
@@ -79,7 +89,9 @@ class AnalyticModel(PlatformModel):
     result: AnalyticResult
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """See `PlatformModel`: `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `profiles.concentration`."""
+        """See `PlatformModel`: `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see
+        `profiles.concentration`.
+        """
         return self.result.neck_stress(self.chosen.stage, poses("pose", pose))
 
     @property
@@ -91,7 +103,9 @@ class AnalyticModel(PlatformModel):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ElementModel(PlatformModel):
-    """Plane finite elements of a stage, as `solve` returns them; resolution: quadratic triangles across every neck."""
+    """Plane finite elements of a stage, as `solve` returns them; resolution: quadratic triangles
+    across every neck.
+    """
 
     resolution: int
     solved: Response
@@ -112,18 +126,27 @@ class ElementModel(PlatformModel):
     def neck_stress(self, pose: ArrayLike) -> Array:
         """See `PlatformModel`."""
         loads = self.force(pose)
-        return neck_stresses(self.stage, self.solved, loads.reshape(-1, 3)).highest.reshape(*loads.shape[:-1], 3, 3)
+        return neck_stresses(self.stage, self.solved, loads.reshape(-1, 3)).highest.reshape(
+            *loads.shape[:-1], 3, 3
+        )
 
     def fields(self, force: ArrayLike) -> Fields:
         """Return mesh, displacement and von Mises stress under one load (3,), for figures."""
-        mesh, load = self.mesh, forces("force", force, 1)
-        return Fields(mesh.nodes, mesh.triangles, mesh.bodies, self.displacement(load), self.stress(load))
+        mesh = self.mesh
+        load = forces("force", force, 1)
+        return Fields(
+            mesh.nodes, mesh.triangles, mesh.bodies, self.displacement(load), self.stress(load)
+        )
 
     @cached_property
     def band(self) -> Array:
-        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad, from two coarser meshes."""
+        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad, from two coarser
+        meshes.
+        """
         steps = levels(self.resolution)
-        return compliance_bands(np.array(steps), np.array([solved(self.stage, level).compliance for level in steps]))
+        return compliance_bands(
+            np.array(steps), np.array([solved(self.stage, level).compliance for level in steps])
+        )
 
     @property
     def warnings(self) -> list[str]:
@@ -141,11 +164,12 @@ class ElementModel(PlatformModel):
 
 
 class Errors(NamedTuple):
-    """Error percentages: finite-element displacement minus commanded displacement, under the force of (18).
+    """Error percentages: finite-element displacement minus commanded displacement, under the force
+    of (18).
 
-    percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations count with the
-    lever l3, as CONVENTIONS says.   band : (3, 3), percentage points, half-width of the numerical uncertainty.
-    """
+    percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations
+    count with the lever l3, as CONVENTIONS says.   band : (3, 3), percentage points, half-width of
+    the numerical uncertainty."""
 
     percent: Array
     band: Array
@@ -160,8 +184,9 @@ def analyse(
 ) -> AnalyticModel:
     """The analytic model of a stage at rest.
 
-    Without mobility, formula and links it has calibrated hinges, corrected for their thickness unless the stage file
-    states a `model`, and elastic links. With any of them it is the paper's model with that change.
+    Without mobility, formula and links it has calibrated hinges, corrected for their thickness
+    unless the stage file states a `model`, and elastic links. With any of them it is the paper's
+    model with that change.
 
     Parameters
     ----------
@@ -222,11 +247,13 @@ def errors(
     links: bool = False,
     resolution: int = RESOLUTION,
 ) -> Errors:
-    """Error percentages of an analytic model against finite elements under the load `K du`, (18), with their bands.
+    """Error percentages of an analytic model against finite elements under the load `K du`, (18),
+    with their bands.
 
     Parameters
     ----------
-    mobility, formula, links : of the model, see `analyse`.   resolution : of the finest of three meshes, from 4.
+    mobility, formula, links : of the model, see `analyse`.   resolution : of the finest of three
+    meshes, from 4.
 
     Raises
     ------

@@ -1,4 +1,6 @@
-"""Exceptions: input that cannot be used, and a computation that cannot be trusted; how their texts show a value."""
+"""Exceptions: input that cannot be used, and a computation that cannot be trusted; how their texts
+show a value.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +9,15 @@ from typing import Any
 
 _LONGEST = 80  # characters of a value, and members of a list, in a message
 _SHORTENED = Repr()
-_SHORTENED.maxstring = _SHORTENED.maxother = _SHORTENED.maxlong = _SHORTENED.maxlist = _SHORTENED.maxtuple = _LONGEST
+_SHORTENED.maxstring = _SHORTENED.maxother = _SHORTENED.maxlong = _SHORTENED.maxlist = (
+    _SHORTENED.maxtuple
+) = _LONGEST
 
 
 def printed(value: Any) -> str:
-    """Return the `repr` of a value of the caller, short; objects whose `repr` fails, and lists in themselves, too."""
+    """Return the `repr` of a value of the caller, short; objects whose `repr` fails, and lists in
+    themselves, too.
+    """
     return _SHORTENED.repr(value)
 
 
@@ -29,7 +35,8 @@ def line_of(error: BaseException) -> str:
 
 
 class BadInput(Exception):  # noqa: N818  the name says whose error it is
-    """A file, key or option that cannot be used; its text is one line, shown unchanged, and the exit code is 2.
+    """A file, key or option that cannot be used; its text is one line, shown unchanged, and the
+    exit code is 2.
 
     reason : the text without its leading file and line.   located : whether the text has them.
     """
@@ -46,4 +53,6 @@ class BadInput(Exception):  # noqa: N818  the name says whose error it is
 
 
 class ComputationFailed(Exception):  # noqa: N818
-    """A mesh or a solution that fails its own checks; its text is one line, shown unchanged, and the exit code is 1."""
+    """A mesh or a solution that fails its own checks; its text is one line, shown unchanged, and
+    the exit code is 1.
+    """

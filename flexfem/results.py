@@ -1,10 +1,10 @@
 """Results of questions, declared once as `Quantity` attributes of a subclass of `Result`.
 
-Tables, JSON documents with their schema, columns of studies, the reference in the documentation and the gates of
-`regression` follow from the declaration. A number has the unit of its declaration everywhere: as an attribute, by `at`
-and `band`, in JSON, tables and study columns. Tables may add an SI prefix to lengths and angles. The code computes in
-N, mm, MPa, rad, tonne and s (internal units); a result keeps these numbers apart, as `internal`.
-"""
+Tables, JSON documents with their schema, columns of studies, the reference in the documentation and
+the gates of `regression` follow from the declaration. A number has the unit of its declaration
+everywhere: as an attribute, by `at` and `band`, in JSON, tables and study columns. Tables may add
+an SI prefix to lengths and angles. The code computes in N, mm, MPa, rad, tonne and s (internal
+units); a result keeps these numbers apart, as `internal`."""
 
 from __future__ import annotations
 
@@ -29,21 +29,37 @@ from flexfem.files.refusals import as_key, checked_path, place_of
 from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput, printed
-from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, short, unit_for, unit_of, without_unit
+from flexfem.units import (
+    BY_DIRECTION,
+    DIRECTIONS,
+    NONE,
+    UNITS,
+    Unit,
+    UnitNames,
+    short,
+    unit_for,
+    unit_of,
+    without_unit,
+)
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
 DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes, largest stored result
-LONG, MOST_COLUMNS = 40, 8  # characters of a list item that shares a line; columns of a table of records
+LONG = 40
+MOST_COLUMNS = 8  # characters of a list item that shares a line; columns of a table of records
 NEGLIGIBLE = 0.1  # of its band; a smaller value is shown as 0
 MOST_DIGITS = 7  # significant digits of a printed number
 SMALLEST_PERCENTAGE = 1e-3  # smaller ones, with their bands, are shown as 0
 MOST_LISTED = 3  # values in the line with the main result
 SPACE = "\N{NO-BREAK SPACE}"
-FLOOR = 1e-6  # of the scale of a value: smaller ones, zero on a symmetric mesh, are shown as 0 whatever their band
+# of the scale of a value: smaller ones, zero on a symmetric mesh, are shown as 0 whatever their
+# band
+FLOOR = 1e-6
 ROUND_OFF = 1e-9  # the same of a band that is not shown
-ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
+ANALYTIC = "analytic"
+ELEMENTS = "finite elements"
+SOLID = "three dimensions"  # labels of the axis "model"
 SHEET = "plane stress"  # label of the plane problem that is compared with three dimensions
 AXES = {
     "direction": DIRECTIONS,
@@ -56,7 +72,9 @@ Scale: TypeAlias = Literal["value", "axis", "all", "pose", "wrench", "matrix"]
 
 
 class Gate(NamedTuple):
-    """Change that `regression` accepts: relative to the scale, relative to the band, and absolute in internal units."""
+    """Change that `regression` accepts: relative to the scale, relative to the band, and absolute
+    in internal units.
+    """
 
     relative: float
     band: float = 0.05
@@ -68,29 +86,38 @@ SOLVED = Gate(1e-8)  # iterative solutions, and differences of numbers
 FRESH = Gate(1.5e-5)  # finite elements on a new mesh: gmsh 4.13 to 4.15 make almost the same mesh
 COARSER = Gate(3e-4)  # finite elements on coarser meshes, and extrapolated values
 STRESS = Gate(5e-3)  # largest stress on a new mesh
-MAGNITUDE = 0.9  # accepted change of a band relative to the larger of both: meshes without symmetry keep its magnitude
+# accepted change of a band relative to the larger of both: meshes without symmetry keep its
+# magnitude
+MAGNITUDE = 0.9
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity of a result: a descriptor that returns the array of an instance, in the unit of the declaration.
+    """A quantity of a result: a descriptor that returns the array of an instance, in the unit of
+    the declaration.
 
     Parameters
     ----------
     meaning : a noun phrase, the heading of a table column.
-    unit : key of `units.UNITS`, "" for a pure number; a tuple by label of the axis "direction", or without it of the
+    unit : key of `units.UNITS`, "" for a pure number; a tuple by label of the axis "direction", or
+    without it of the
         last axis; a matrix for the last two axes; or a key of `BY_DIRECTION`.
-    over : axes of the array; of a result for both plates, a stage has no point, and a mechanism no chain.
+    over : axes of the array; of a result for both plates, a stage has no point, and a mechanism no
+    chain.
     gate : the change that `regression` accepts.
-    scale : reference size of a change and of round-off: the value; the largest value along the last axis or of all;
-        the largest component of a pose or wrench, with rotations times the lever or moments divided by it; or the
-        matrix diagonal. Of all poses, rotations are multiplied by the lever, too.
-    beside : name of another quantity of the same shape whose size counts, too, such as the other end of a range.
+    scale : reference size of a change and of round-off: the value; the largest value along the last
+    axis or of all;
+        the largest component of a pose or wrench, with rotations times the lever or moments divided
+        by it; or the matrix diagonal. Of all poses, rotations are multiplied by the lever, too.
+    beside : name of another quantity of the same shape whose size counts, too, such as the other
+    end of a range.
     shown : whether tables include it; JSON always does.
     note : an explanation that is printed below the tables.
     only : the plates that have it, by default both; the others have no such key.
-    uneven : the gate of a mechanism, by default that of the coarser meshes, without symmetry, of the same number.
-    repeated : whether another quantity of the result has the same numbers; `regression` does not compare them again.
+    uneven : the gate of a mechanism, by default that of the coarser meshes, without symmetry, of
+    the same number.
+    repeated : whether another quantity of the result has the same numbers; `regression` does not
+    compare them again.
     compared : whether tables state the difference of the first model from the last.
     """
 
@@ -114,9 +141,12 @@ class Quantity:
 
     def of(self, mechanism: bool) -> Quantity:
         """Return the declaration for a mechanism or for a stage, of a result that has both kinds."""
-        gate, absent = self.gate, "chain" if mechanism else "point"
+        gate = self.gate
+        absent = "chain" if mechanism else "point"
         if mechanism and (self.uneven or gate.relative >= FRESH.relative):
-            gate = self.uneven or Gate(max(gate.relative, COARSER.relative), MAGNITUDE, gate.absolute)
+            gate = self.uneven or Gate(
+                max(gate.relative, COARSER.relative), MAGNITUDE, gate.absolute
+            )
         found = replace(self, over=tuple(axis for axis in self.over if axis != absent), gate=gate)
         object.__setattr__(found, "name", self.name)
         return found
@@ -131,7 +161,9 @@ class Quantity:
         try:
             return instance.values[self.name]
         except KeyError:
-            raise AttributeError(f"{owner.__name__} has no {self.name!r}: {self.meaning} was not computed") from None
+            raise AttributeError(
+                f"{owner.__name__} has no {self.name!r}: {self.meaning} was not computed"
+            ) from None
 
     @property
     def largest(self) -> tuple[str, ...]:
@@ -140,12 +172,16 @@ class Quantity:
 
     @property
     def prefixed(self) -> bool:
-        """Whether tables choose a prefix for every number (um, nm, mrad): for lengths and angles by direction."""
+        """Whether tables choose a prefix for every number (um, nm, mrad): for lengths and angles by
+        direction.
+        """
         return isinstance(self.unit, tuple) and {"mm", "rad"}.issuperset(np.ravel(self.unit))
 
     @property
     def unit_axes(self) -> tuple[str, ...]:
-        """Axes along which the unit may differ: none, that of the direction or the last one, or the last two."""
+        """Axes along which the unit may differ: none, that of the direction or the last one, or the
+        last two.
+        """
         if isinstance(self.unit, str):
             return ()
         if isinstance(self.unit[0], tuple):
@@ -168,13 +204,18 @@ class Quantity:
 
     def factors(self, shape: tuple[int, ...]) -> Array:
         """Return factors (shape) from internal units to the declared units."""
-        along = [size if axis in self.unit_axes else 1 for axis, size in zip(self.over, shape, strict=True)]
+        along = [
+            size if axis in self.unit_axes else 1
+            for axis, size in zip(self.over, shape, strict=True)
+        ]
         factors = np.array([unit.factor for unit in self.units.flat])
         return np.broadcast_to(factors.reshape(along), shape)
 
 
 class About(NamedTuple):
-    """Subject of a result: name of the stage, its file, its hash, key paths of doubtful numbers, and the lever l3."""
+    """Subject of a result: name of the stage, its file, its hash, key paths of doubtful numbers,
+    and the lever l3.
+    """
 
     name: str
     file: str = ""
@@ -185,7 +226,9 @@ class About(NamedTuple):
 
 
 class Number(NamedTuple):
-    """One number of a result: path, value, band, their unit, and the accepted changes of value and band in it."""
+    """One number of a result: path, value, band, their unit, and the accepted changes of value and
+    band in it.
+    """
 
     path: str
     value: float
@@ -213,7 +256,9 @@ class TextTable(NamedTuple):
 
 @brief
 class Fields(NamedTuple):
-    """Finite-element fields of a figure; in three dimensions at the mid-plane, with the largest stress over z."""
+    """Finite-element fields of a figure; in three dimensions at the mid-plane, with the largest
+    stress over z.
+    """
 
     nodes: AnyArray  # (n, 2), mm
     triangles: AnyArray  # (m, 6)
@@ -232,17 +277,20 @@ class Arrays(NamedTuple):
 class Result:
     """Quantities with labelled axes, their bands, and their subject.
 
-    Each quantity is an attribute. Every number has the unit that its quantity declares and `unit` returns: in
-    attributes, `values`, `bands`, `at`, `band`, `entries`, documents, data frames, tables and study columns. Tables may
-    add an SI prefix to lengths and angles. Only `internal` is in other units.
+    Each quantity is an attribute. Every number has the unit that its quantity declares and `unit`
+    returns: in attributes, `values`, `bands`, `at`, `band`, `entries`, documents, data frames,
+    tables and study columns. Tables may add an SI prefix to lengths and angles. Only `internal` is
+    in other units.
 
-    A kind of result of stages may have a subclass for mechanisms, which is declared with `mechanism=True` and inherits
-    the quantities.
+    A kind of result of stages may have a subclass for mechanisms, which is declared with
+    `mechanism=True` and inherits the quantities.
 
     Parameters
     ----------
-    values : arrays by quantity, in internal units; nan where there is no value. Quantities not computed are absent.
-    bands : half-widths of the numerical uncertainty, same units and shapes; nan where none is known.
+    values : arrays by quantity, in internal units; nan where there is no value. Quantities not
+    computed are absent.
+    bands : half-widths of the numerical uncertainty, same units and shapes; nan where none is
+    known.
     axes : labels of the axes that the class does not fix.
     settings : settings of the question, such as models and resolutions.
     warnings, notes : limits of validity, and explanations of the tables.
@@ -258,19 +306,29 @@ class Result:
     title: ClassVar[str] = ""
     labels: ClassVar[Mapping[str, Sequence[str]]] = {}
     columns: ClassVar[tuple[str, ...]] = ("direction",)
-    main: ClassVar[tuple[str, Mapping[str, str]] | None] = None  # the main result: a quantity at labels of its axes
+    main: ClassVar[tuple[str, Mapping[str, str]] | None] = (
+        None  # the main result: a quantity at labels of its axes
+    )
     figure: ClassVar[str] = ""  # module and function under flexfem.plot that draw it
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
     reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
-    main_key: ClassVar[str] = ""  # key of the file that the main result depends on: its warning is printed first
+    main_key: ClassVar[str] = (
+        ""  # key of the file that the main result depends on: its warning is printed first
+    )
     quantities: ClassVar[dict[str, Quantity]] = {}
     kinds: ClassVar[dict[str, type[Result]]] = {}
     of_mechanism: ClassVar[type[Result]]
 
     def __init_subclass__(cls, mechanism: bool = False) -> None:
-        attributes = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
-        declared = {name: value for name, value in attributes.items() if isinstance(value, Quantity)}
-        cls.quantities, cls.of_mechanism, Result.kinds[cls.kind()] = declared, cls, cls
+        attributes = {
+            name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()
+        }
+        declared = {
+            name: value for name, value in attributes.items() if isinstance(value, Quantity)
+        }
+        cls.quantities = declared
+        cls.of_mechanism = cls
+        Result.kinds[cls.kind()] = cls
         if mechanism:
             of_stage: Any = cls.__mro__[1]
             of_stage.of_mechanism = cls
@@ -294,7 +352,9 @@ class Result:
         self.warnings, self.notes = list(dict.fromkeys(warnings)), list(notes)
         used = {axis for name in values for axis in self.quantities[name].over}
         self.axes = {
-            axis: tuple(labels) for axis, labels in {**AXES, **self.labels, **(axes or {})}.items() if axis in used
+            axis: tuple(labels)
+            for axis, labels in {**AXES, **self.labels, **(axes or {})}.items()
+            if axis in used
         }
         self.internal = Arrays({}, {})
         declared = Arrays({}, {})
@@ -303,7 +363,9 @@ class Result:
                 quantity = self.quantities[name]
                 shape = tuple(len(self.axes[axis]) for axis in quantity.over)
                 array = np.array(given, dtype=float)
-                assert array.shape == shape, f"{self.kind()}.{name}: shape {array.shape}, declared {shape}"
+                assert array.shape == shape, (
+                    f"{self.kind()}.{name}: shape {array.shape}, declared {shape}"
+                )
                 kept[name] = array
                 shown[name] = np.asarray(array * quantity.factors(shape))  # of one number, too
                 kept[name].flags.writeable = False
@@ -319,7 +381,9 @@ class Result:
     # access
 
     def at(self, quantity: str, **labels: str) -> Array:
-        """Return a quantity at labels of some of its axes, in its unit; the other axes keep their order."""
+        """Return a quantity at labels of some of its axes, in its unit; the other axes keep their
+        order.
+        """
         return self._part(self.values, quantity, labels)
 
     def band(self, quantity: str, **labels: str) -> Array:
@@ -329,41 +393,57 @@ class Result:
     def unit(self, quantity: str, **labels: str) -> Any:
         """Return the unit of the numbers that `at` returns, in ASCII; "" for pure numbers.
 
-        Where units differ, it is a list with the unit at each label of an axis, such as that of the directions, or of
-        two axes of a matrix. Raises BadInput as `at`.
-        """
+        Where units differ, it is a list with the unit at each label of an axis, such as that of the
+        directions, or of two axes of a matrix. Raises BadInput as `at`."""
         self._place(quantity, labels)
         one = self.quantities[quantity]
-        place = tuple(self.axes[axis].index(labels[axis]) if axis in labels else slice(None) for axis in one.unit_axes)
+        place = tuple(
+            self.axes[axis].index(labels[axis]) if axis in labels else slice(None)
+            for axis in one.unit_axes
+        )
         names = np.vectorize(lambda unit: unit.plain, otypes=[object])(one.units)[place]
         different = {*np.ravel(names)}
         return np.array(names).tolist() if len(different) > 1 else different.pop()
 
     def _place(self, quantity: str, labels: Mapping[str, str]) -> tuple[int | slice, ...]:
-        """Return the index of a part of a quantity. Raises BadInput for an unknown quantity, axis or label."""
+        """Return the index of a part of a quantity. Raises BadInput for an unknown quantity, axis
+        or label.
+        """
         if quantity not in self.values:
             raise BadInput(
-                f"{self.kind()}.{as_key(quantity)} is not in this result, expected one of: {', '.join(self.values)}"
+                f"{self.kind()}.{as_key(quantity)} is not in this result, expected one of: "
+                f"{', '.join(self.values)}"
             )
         over = self.quantities[quantity].over
         for axis, label in labels.items():
             if axis not in over or label not in self.axes[axis]:
                 known = ", ".join(self.axes.get(axis, over))
-                raise BadInput(f"{self.kind()}.{quantity}: {axis} {printed(label)}, expected one of: {known}")
-        return tuple(self.axes[axis].index(labels[axis]) if axis in labels else slice(None) for axis in over)
+                raise BadInput(
+                    f"{self.kind()}.{quantity}: {axis} {printed(label)}, expected one of: {known}"
+                )
+        return tuple(
+            self.axes[axis].index(labels[axis]) if axis in labels else slice(None) for axis in over
+        )
 
     def _part(self, arrays: Mapping[str, Array], quantity: str, labels: Mapping[str, str]) -> Array:
         place = self._place(quantity, labels)
-        array = arrays[quantity] if quantity in arrays else np.full_like(self.values[quantity], np.nan)
+        array = (
+            arrays[quantity] if quantity in arrays else np.full_like(self.values[quantity], np.nan)
+        )
         return np.asarray(array[place])
 
     def texts(self, quantity: str, **labels: str) -> list[str]:
-        """Return cells of a table: the values at labels of some axes, each with band and unit, one for each column."""
-        one, places = self.quantities[quantity], [self.axes[axis].index(label) for axis, label in labels.items()]
+        """Return cells of a table: the values at labels of some axes, each with band and unit, one
+        for each column.
+        """
+        one = self.quantities[quantity]
+        places = [self.axes[axis].index(label) for axis, label in labels.items()]
         return [self._cell(one, at, False, True) for at in self._shown(one, tuple(labels), places)]
 
     def entries(self) -> Iterator[Number]:
-        """Yield all numbers with their paths `quantity.label.label`; blanks in labels become underscores."""
+        """Yield all numbers with their paths `quantity.label.label`; blanks in labels become
+        underscores.
+        """
         for name, values in self.values.items():
             quantity = self.quantities[name]
             sizes = self._sizes(name)
@@ -371,9 +451,13 @@ class Result:
             for at, labels in self._places(quantity.over):
                 path = ".".join([name, *labels]).replace(" ", "_")
                 unit = quantity.unit_at(at)
-                accepted = (quantity.gate.relative * float(sizes[at]) + quantity.gate.absolute) * unit.factor
+                accepted = (
+                    quantity.gate.relative * float(sizes[at]) + quantity.gate.absolute
+                ) * unit.factor
                 band = float(bands[at])
-                yield Number(path, float(values[at]), band, unit, accepted, quantity.gate.band * abs(band))
+                yield Number(
+                    path, float(values[at]), band, unit, accepted, quantity.gate.band * abs(band)
+                )
 
     def _places(self, over: Sequence[str]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:
         for each in product(*(enumerate(self.axes[axis]) for axis in over)):
@@ -385,7 +469,9 @@ class Result:
         return np.asarray(sizes * self.quantities[name].factors(sizes.shape))
 
     def _sizes(self, name: str) -> Array:
-        """Return the reference sizes in internal units, in which a rotation times the lever is a length."""
+        """Return the reference sizes in internal units, in which a rotation times the lever is a
+        length.
+        """
         one = self.quantities[name]
         scale = one.scale
         values = np.abs(np.nan_to_num(self.internal.values[name], posinf=0.0, neginf=0.0))
@@ -396,13 +482,21 @@ class Result:
             return values
         if scale == "all":
             of_poses = one.prefixed and one.over[-1] == "direction"
-            lengths = np.where(np.arange(values.shape[-1]) == 2, self.about.lever, 1.0) if of_poses else 1.0
+            lengths = (
+                np.where(np.arange(values.shape[-1]) == 2, self.about.lever, 1.0)
+                if of_poses
+                else 1.0
+            )
             return np.asarray(np.max(values * lengths, initial=0.0) / lengths + 0.0 * values)
         if scale == "matrix":
             diagonal = np.sqrt(np.diagonal(values, axis1=-2, axis2=-1))
             return np.asarray(diagonal[..., :, None] * diagonal[..., None, :])
         power = {"axis": 0, "pose": 1, "wrench": -1}[scale]
-        weights = np.where(np.arange(values.shape[-1]) == 2, self.about.lever**power, 1.0) if power else 1.0
+        weights = (
+            np.where(np.arange(values.shape[-1]) == 2, self.about.lever**power, 1.0)
+            if power
+            else 1.0
+        )
         return np.asarray(np.max(values * weights, axis=-1, keepdims=True) / weights + 0.0 * values)
 
     # documents
@@ -420,7 +514,10 @@ class Result:
             found[name]["values"] = _nested(values)
             if name in self.bands:
                 found[name]["bands"] = _nested(self.bands[name])
-        about = {key: list(part) if isinstance(part, tuple) else part for key, part in self.about._asdict().items()}
+        about = {
+            key: list(part) if isinstance(part, tuple) else part
+            for key, part in self.about._asdict().items()
+        }
         return {
             "result": self.kind(),
             "format": FORMAT,
@@ -434,16 +531,23 @@ class Result:
         }
 
     def write(self, path: Path) -> Path:
-        """Store the document as JSON with a digest, so that `read` detects changes; return the path."""
+        """Store the document as JSON with a digest, so that `read` detects changes; return the
+        path.
+        """
         return write_sealed(checked_path(path), self.to_dict())
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a stored result of this kind (any kind for `Result`). Raises BadInput for other or changed files."""
+        """Read a stored result of this kind (any kind for `Result`). Raises BadInput for other or
+        changed files.
+        """
         data = unsealed(path)
         kind = Result.kinds.get(str(data.get("result")))
         if kind is None or not issubclass(kind, cls):
-            raise BadInput(f"{place_of(path)}: a result of kind {data.get('result')!r}, expected {cls.kind()!r}")
+            raise BadInput(
+                f"{place_of(path)}: a result of kind {data.get('result')!r}, expected "
+                f"{cls.kind()!r}"
+            )
         try:
             parts: dict[str, dict[str, Array]] = {"values": {}, "bands": {}}
             for name, part in product(data["quantities"], parts):
@@ -455,7 +559,9 @@ class Result:
             found = kind(about, parts["values"], parts["bands"], **rest)
             found.versions = data["versions"]
         except (KeyError, TypeError, ValueError, AssertionError):
-            raise BadInput(f"{place_of(path)}: not in the format of this version of flexfem, store it again") from None
+            raise BadInput(
+                f"{place_of(path)}: not in the format of this version of flexfem, store it again"
+            ) from None
         return found
 
     @classmethod
@@ -468,8 +574,14 @@ class Result:
             values: dict[str, Any] = {"type": ["number", "null", "string"]}
             for _ in one.over:
                 values = {"type": "array", "items": values}
-            parts = {"meaning": text, "unit": {"const": np.array(one.unit).tolist()}, "over": {"const": list(one.over)}}
-            quantities[name] = _table_schema(one.meaning, parts | {"values": values, "bands": values}, "bands")
+            parts = {
+                "meaning": text,
+                "unit": {"const": np.array(one.unit).tolist()},
+                "over": {"const": list(one.over)},
+            }
+            quantities[name] = _table_schema(
+                one.meaning, parts | {"values": values, "bands": values}, "bands"
+            )
         properties = {
             "result": {"const": cls.kind()},
             "format": {"const": FORMAT},
@@ -478,7 +590,11 @@ class Result:
             "lever": {"type": "number", "description": "mm"},
             "settings": {"type": "object"},
             "axes": {"type": "object", "additionalProperties": texts},
-            "quantities": {"type": "object", "properties": quantities, "additionalProperties": False},
+            "quantities": {
+                "type": "object",
+                "properties": quantities,
+                "additionalProperties": False,
+            },
             "versions": {"type": "object", "additionalProperties": text},
         }
         whole = _table_schema(f"flexfem: {cls.title}", properties, "digest")
@@ -488,7 +604,12 @@ class Result:
     def reference(cls) -> TextTable:
         """Return the declaration as a table for the documentation."""
         rows = [
-            [f"{cls.kind()}.{name}", one.meaning, _units_text(one.unit), ", ".join(one.over) or "one number"]
+            [
+                f"{cls.kind()}.{name}",
+                one.meaning,
+                _units_text(one.unit),
+                ", ".join(one.over) or "one number",
+            ]
             for name, one in cls.quantities.items()
         ]
         return TextTable(["quantity", "meaning", "unit", "for each"], rows, 1)
@@ -496,56 +617,88 @@ class Result:
     # tables
 
     def tables(self, plain: bool = True) -> list[TextTable]:
-        """Return the tables: one for each quantity with axes as rows and columns; the others share tables.
+        """Return the tables: one for each quantity with axes as rows and columns; the others share
+        tables.
 
         plain : write units in ASCII, for terminals.
         """
         groups: dict[tuple[tuple[str, ...], str, str], list[Quantity]] = {}
         for name, quantity in self.quantities.items():
             if quantity.shown and name in self.values and not np.all(np.isnan(self.values[name])):
-                rows = tuple(a for a in quantity.over if a not in self.columns and a not in quantity.largest)
+                rows = tuple(
+                    a for a in quantity.over if a not in self.columns and a not in quantity.largest
+                )
                 spread = self._spread(quantity)
-                groups.setdefault((rows, spread, name if rows and spread else ""), []).append(quantity)
-        return [self._table(rows, spread, group, plain) for (rows, spread, _), group in groups.items()]
+                groups.setdefault((rows, spread, name if rows and spread else ""), []).append(
+                    quantity
+                )
+        return [
+            self._table(rows, spread, group, plain) for (rows, spread, _), group in groups.items()
+        ]
 
-    def _table(self, over: tuple[str, ...], spread: str, group: list[Quantity], plain: bool) -> TextTable:
+    def _table(
+        self, over: tuple[str, ...], spread: str, group: list[Quantity], plain: bool
+    ) -> TextTable:
         if not over:  # a row for each quantity
-            rows = [[one.meaning, *self._rows((), [one], plain, with_unit=True)[0]] for one in group]
+            rows = [
+                [one.meaning, *self._rows((), [one], plain, with_unit=True)[0]] for one in group
+            ]
             return TextTable(["", *(self.axes[spread] if spread else [""])], rows, 1)
         if over == ("model",) and not spread and len(group) > 3:
             columns = self._rows(over, group, plain, with_unit=True)
-            rows = [[one.meaning, *(column[1 + k] for column in columns)] for k, one in enumerate(group)]
+            rows = [
+                [one.meaning, *(column[1 + k] for column in columns)] for k, one in enumerate(group)
+            ]
             return TextTable(["", *(column[0] for column in columns)], rows, 1)
         if not spread:  # a column for each quantity
             head = [*over, *(self._headed(one.meaning, one, 0, plain) for one in group)]
             return TextTable(head, self._rows(over, group, plain), len(over))
         (one,) = group
         by_cell = any(isinstance(each, tuple) for each in one.unit)
-        labels = [label if by_cell else self._headed(label, one, k, plain) for k, label in enumerate(self.axes[spread])]
+        labels = [
+            label if by_cell else self._headed(label, one, k, plain)
+            for k, label in enumerate(self.axes[spread])
+        ]
         caption = f"{one.meaning} ({_units_text(one.unit, plain)})" if by_cell else one.meaning
-        head, rows = [*over, *labels], self._rows(over, group, plain)
-        kept = [k for k in range(len(head)) if k < len(over) or any(row[k] for row in rows)]  # not the empty columns
-        return TextTable([head[k] for k in kept], [[row[k] for k in kept] for row in rows], len(over), caption)
+        head = [*over, *labels]
+        rows = self._rows(over, group, plain)
+        kept = [
+            k for k in range(len(head)) if k < len(over) or any(row[k] for row in rows)
+        ]  # not the empty columns
+        return TextTable(
+            [head[k] for k in kept], [[row[k] for k in kept] for row in rows], len(over), caption
+        )
 
     def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
         """Return the heading of a column with its unit, unless the cells contain the unit."""
         spread = self._spread(quantity)
-        name = quantity.unit_at(tuple(column if axis == spread else 0 for axis in quantity.over)).label(plain)
+        name = quantity.unit_at(
+            tuple(column if axis == spread else 0 for axis in quantity.over)
+        ).label(plain)
         return f"{text} ({name})" if name and not self._with_unit(quantity) else text
 
     def _with_unit(self, quantity: Quantity) -> bool:
-        """Return whether cells contain the unit: numbers have their own prefixes, or units differ by row."""
+        """Return whether cells contain the unit: numbers have their own prefixes, or units differ
+        by row.
+        """
         by_direction = isinstance(quantity.unit, tuple) and "direction" in quantity.over
-        return quantity.prefixed or (by_direction and self._spread(quantity) not in ("direction", "component"))
+        return quantity.prefixed or (
+            by_direction and self._spread(quantity) not in ("direction", "component")
+        )
 
     def _rows(
         self, over: tuple[str, ...], group: list[Quantity], plain: bool, with_unit: bool = False
     ) -> list[list[str]]:
-        """Return rows of quantities with the same axes; the difference of the models follows the last model."""
-        rows, last = [], tuple[str, ...]()
+        """Return rows of quantities with the same axes; the difference of the models follows the
+        last model.
+        """
+        rows = []
+        last = tuple[str, ...]()
         last_model = len(self.axes.get("model", ())) - 1
         for place, labels in self._places(over):
-            names = [label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)]
+            names = [
+                label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)
+            ]
             cells = [
                 self._cell(one, at, plain, with_unit or self._with_unit(one))
                 for one in group
@@ -555,7 +708,9 @@ class Result:
                 rows.append([*names, *cells])
                 last = labels
             if over and over[-1] == "model" and place[-1] == last_model > 0:
-                differences = [cell for one in group for cell in self._differences(one, over, place)]
+                differences = [
+                    cell for one in group for cell in self._differences(one, over, place)
+                ]
                 if any(differences):
                     rows.append([*[""] * (len(over) - 1), "difference (%)", *differences])
         return rows
@@ -565,13 +720,22 @@ class Result:
         found = [axis for axis in quantity.over if axis in self.columns]
         return found[-1] if found else ""
 
-    def _shown(self, quantity: Quantity, over: Sequence[str], place: Sequence[int]) -> list[tuple[int, ...]]:
-        """Return the array indices shown in the cells of a row: the first of the largest values of each column."""
-        spread, sizes = self._spread(quantity), np.abs(self.internal.values[quantity.name])
-        sizes, found = np.where(np.isnan(sizes), -1.0, sizes), []
+    def _shown(
+        self, quantity: Quantity, over: Sequence[str], place: Sequence[int]
+    ) -> list[tuple[int, ...]]:
+        """Return the array indices shown in the cells of a row: the first of the largest values of
+        each column.
+        """
+        spread = self._spread(quantity)
+        sizes = np.abs(self.internal.values[quantity.name])
+        sizes = np.where(np.isnan(sizes), -1.0, sizes)
+        found = []
         for k in range(len(self.axes[spread]) if spread else 1):
             known = dict(zip(over, place, strict=True)) | {spread: k}
-            ranges = [[known[axis]] if axis in known else range(len(self.axes[axis])) for axis in quantity.over]
+            ranges = [
+                [known[axis]] if axis in known else range(len(self.axes[axis]))
+                for axis in quantity.over
+            ]
             shown = list(product(*ranges))
             first = np.argmax(is_largest(np.array([sizes[at] for at in shown])))  # of equal ones
             found.append(shown[int(first)])
@@ -582,44 +746,66 @@ class Result:
         band = float(self._part(self.internal.bands, quantity.name, {})[at])
         size = self._sizes(quantity.name)[at]
         if abs(value) <= FLOOR * size:
-            value, band = 0.0, np.nan
+            value = 0.0
+            band = np.nan
         band = band if band > ROUND_OFF * size else np.nan
         unit = quantity.unit_at(at)
         if quantity.prefixed:
-            size = max(abs(value), float(np.nan_to_num(band)))  # of a number within its band, that of the band
-            unit = unit_for("theta" if "rad" in unit.name else "x", size) if value else Unit(unit.factor, "")
+            size = max(
+                abs(value), float(np.nan_to_num(band))
+            )  # of a number within its band, that of the band
+            unit = (
+                unit_for("theta" if "rad" in unit.name else "x", size)
+                if value
+                else Unit(unit.factor, "")
+            )
         text = number(value * unit.factor, band * unit.factor)
         if unit.name == "%" and abs(value) + np.nan_to_num(band) < SMALLEST_PERCENTAGE:
             text = "0"
-        text = f"{text} {unit.label(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
+        text = (
+            f"{text} {unit.label(plain)}".rstrip()
+            if with_unit and text and np.isfinite(value)
+            else text
+        )
         places = dict(zip(quantity.over, at, strict=True))
         where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
         if not (where and value and text):
             return text
-        return f"{text}\n{', '.join(where)}" if plain else f"{text} ({', '.join(where)})"  # terminals are narrow
+        return (
+            f"{text}\n{', '.join(where)}" if plain else f"{text} ({', '.join(where)})"
+        )  # terminals are narrow
 
-    def _differences(self, quantity: Quantity, over: Sequence[str], place: tuple[int, ...]) -> list[str]:
-        """Return the differences of the first model from the last in per cent, for the cells of a row of the last.
+    def _differences(
+        self, quantity: Quantity, over: Sequence[str], place: tuple[int, ...]
+    ) -> list[str]:
+        """Return the differences of the first model from the last in per cent, for the cells of a
+        row of the last.
 
         There is none from a value that is zero within its band.
         """
         values = self.internal.values[quantity.name]
-        sizes, last = self._sizes(quantity.name), self._shown(quantity, over, place)
+        sizes = self._sizes(quantity.name)
+        last = self._shown(quantity, over, place)
         if "model" not in quantity.over or not quantity.compared:
             return [""] * len(last)
-        found, bands = [], np.nan_to_num(self.internal.bands.get(quantity.name, np.zeros_like(values)))
+        found = []
+        bands = np.nan_to_num(self.internal.bands.get(quantity.name, np.zeros_like(values)))
         for a, b in zip(self._shown(quantity, over, (*place[:-1], 0)), last, strict=True):
             known = np.isfinite(values[a]) and abs(values[b]) > max(FLOOR * sizes[b], bands[b])
             found.append(f"{100 * (values[a] / values[b] - 1):+.2f}" if known else "")
         return found
 
     def answer(self, plain: bool = True) -> str:
-        """Return the main result in one line, "" without one; the last model, or total of shares, counts."""
+        """Return the main result in one line, "" without one; the last model, or total of shares,
+        counts.
+        """
         name, labels = self.main or ("", {})
         if name not in self.values:
             return ""
         one = self.quantities[name]
-        labels = {axis: self.axes[axis][-1] for axis in ("model", "theory", "share") if axis in one.over} | dict(labels)
+        labels = {
+            axis: self.axes[axis][-1] for axis in ("model", "theory", "share") if axis in one.over
+        } | dict(labels)
         rest = [axis for axis in one.over if axis not in labels and axis != "commanded"]
         listed = "direction" if "direction" in rest else rest[-1] if rest else ""
         texts: dict[str, list[str]] = {}
@@ -633,14 +819,19 @@ class Result:
                     texts.setdefault(part, []).append(before + text)
         if not texts:
             return ""
-        parts = [f"{part} " * (len(texts) > 1) + ", ".join(each[:MOST_LISTED]) for part, each in texts.items()]
+        parts = [
+            f"{part} " * (len(texts) > 1) + ", ".join(each[:MOST_LISTED])
+            for part, each in texts.items()
+        ]
         more = f" and {len(parts) - MOST_LISTED} more" if len(parts) > MOST_LISTED else ""
         at_labels = f" ({', '.join(labels.values())})" if labels else ""
         return f"{one.meaning}{at_labels}: {'; '.join(parts[:MOST_LISTED])}{more}"
 
     def heading(self) -> str:
         """Return the stage and the settings in one line."""
-        shown = {key: value for key, value in self.settings.items() if not isinstance(value, Mapping)}
+        shown = {
+            key: value for key, value in self.settings.items() if not isinstance(value, Mapping)
+        }
         texts = [f"{key} {value}" for key, value in shown.items() if value not in (None, "", False)]
         return f"{self.about.name}: {'; '.join([self.title, *texts])}"
 
@@ -660,7 +851,9 @@ class Result:
             align = "l" * each.names + "r" * (len(each.head) - each.names)
             lines += [f"{each.caption}:", ""] if each.caption else []
             lines += [markdown_table(each.head, each.rows, align), ""]
-        return "\n".join([f"**{self.heading()}**", "", *lines, *(f"- {text}" for text in self.sentences())])
+        return "\n".join(
+            [f"**{self.heading()}**", "", *lines, *(f"- {text}" for text in self.sentences())]
+        )
 
     def _repr_html_(self) -> str:
         """Return heading, main result, tables, sentences and warnings, for notebooks."""
@@ -671,7 +864,10 @@ class Result:
         return f"{about}{tables}<ul>{listed}</ul>"
 
     def __repr__(self) -> str:
-        found = f"<{type(self).__name__} of {self.about.name!r}: {self.answer() or ', '.join(self.values)}"
+        found = (
+            f"<{type(self).__name__} of {self.about.name!r}: "
+            f"{self.answer() or ', '.join(self.values)}"
+        )
         return shorten(f"{found}>", LONGEST, placeholder=" ...>")
 
     def to_frame(self) -> Any:
@@ -682,11 +878,12 @@ class Result:
         return pd.DataFrame(rows, columns=["path", "value", "band", "unit"])
 
     def to_xarray(self) -> Any:
-        """Return all quantities as an xarray Dataset in the declared units, `NAME_band` beside NAME with bands.
+        """Return all quantities as an xarray Dataset in the declared units, `NAME_band` beside NAME
+        with bands.
 
-        Coordinates are the labels of the axes; an axis with the name of a quantity is called `AXIS_label`. Attributes
-        of a variable are its meaning and its unit: one, or one for each direction, or row by row of a matrix.
-        """
+        Coordinates are the labels of the axes; an axis with the name of a quantity is called
+        `AXIS_label`. Attributes of a variable are its meaning and its unit: one, or one for each
+        direction, or row by row of a matrix."""
         try:
             import xarray as xr
         except ImportError:
@@ -696,7 +893,10 @@ class Result:
         for name in self.values:
             one = self.quantities[name]
             units = [unit.plain or "1" for unit in one.units.flat]
-            attributes = {"meaning": one.meaning, "unit": ", ".join(units if len({*units}) > 1 else units[:1])}
+            attributes = {
+                "meaning": one.meaning,
+                "unit": ", ".join(units if len({*units}) > 1 else units[:1]),
+            }
             for key, arrays in ((name, self.values), (f"{name}_band", self.bands)):
                 if name in arrays:
                     found[key] = ([dims[axis] for axis in one.over], arrays[name], attributes)
@@ -709,7 +909,10 @@ def html_table(content: TextTable) -> str:
     lines = []
     for tag, row in [("th", content.head), *(("td", row) for row in content.rows)]:
         sides = ["left" if k < content.names else "right" for k in range(len(row))]
-        cells = (f'<{tag} style="text-align: {s}">{escape(text)}</{tag}>' for s, text in zip(sides, row, strict=True))
+        cells = (
+            f'<{tag} style="text-align: {s}">{escape(text)}</{tag}>'
+            for s, text in zip(sides, row, strict=True)
+        )
         lines.append(f"<tr>{''.join(cells)}</tr>")
     caption = f'<caption style="text-align: left">{escape(content.caption)}</caption>'
     return f'<table style="margin-top: 1em">{caption}{"".join(lines)}</table>'
@@ -718,16 +921,20 @@ def html_table(content: TextTable) -> str:
 def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]], list[TextTable]]:
     """Return the fields of a named tuple as texts by name, and its lists of named tuples as tables.
 
-    Texts contain the units that the field names end in. Keys with equal texts are merged. Assumptions are omitted.
-    """
-    facts, tables = list[tuple[str, str]](), list[TextTable]()
+    Texts contain the units that the field names end in. Keys with equal texts are merged.
+    Assumptions are omitted."""
+    facts = list[tuple[str, str]]()
+    tables = list[TextTable]()
     for name, value in record._asdict().items():
         title = without_unit(name).replace("_", " ")
         if name in ("warnings", "assumed", "not_stated") or value in (None, "", [], {}, False):
             continue
         if hasattr(value, "_fields"):
             inner, more = record_parts(value, plain)
-            facts += [(f"{title} {inside}" if inside in value._fields else inside, text) for inside, text in inner]
+            facts += [
+                (f"{title} {inside}" if inside in value._fields else inside, text)
+                for inside, text in inner
+            ]
             tables += more
         elif isinstance(value, list) and hasattr(value[0], "_fields"):
             tables.append(_records_table(title, value, plain))
@@ -735,7 +942,9 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
             facts.append(("sources", "\n" + "\n".join(_sources(value))))
         elif isinstance(value, dict):
             texts = {
-                key if isinstance(each, str) else without_unit(key): _text(each, unit_of(key).label(plain))
+                key if isinstance(each, str) else without_unit(key): _text(
+                    each, unit_of(key).label(plain)
+                )
                 for key, each in value.items()
             }
             for text in dict.fromkeys(texts.values()):
@@ -748,15 +957,22 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
 
 
 def _sources(provenance: Mapping[str, str]) -> list[str]:
-    """Return a line for each kind of source, the text before the first punctuation mark, with its keys."""
+    """Return a line for each kind of source, the text before the first punctuation mark, with its
+    keys.
+    """
     kinds: dict[str, list[str]] = {}
     for key, source in provenance.items():
         kinds.setdefault(re.split("[:;,]", source, maxsplit=1)[0].strip(), []).append(key)
-    return [shorten(f"{kind} ({len(keys)}): {', '.join(keys)}", 80, placeholder=" ...") for kind, keys in kinds.items()]
+    return [
+        shorten(f"{kind} ({len(keys)}): {', '.join(keys)}", 80, placeholder=" ...")
+        for kind, keys in kinds.items()
+    ]
 
 
 def _records_table(title: str, records: Sequence[Any], plain: bool) -> TextTable:
-    """Return a table with a row for each named tuple, or a column where it would be wider than a terminal."""
+    """Return a table with a row for each named tuple, or a column where it would be wider than a
+    terminal.
+    """
     units = [unit_of(name).label(plain) for name in records[0]._fields]
     names = [without_unit(name).replace("_", " ") for name in records[0]._fields]
     head = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
@@ -783,7 +999,11 @@ def _text(value: Any, unit: str = "", digits: int = 8) -> str:
         return f"{between.join(_text(each, digits=6) for each in value)} {unit}".rstrip()
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{round(value, 12) + 0.0:.{digits}g} {unit}".rstrip() if isinstance(value, float) else str(value)
+    return (
+        f"{round(value, 12) + 0.0:.{digits}g} {unit}".rstrip()
+        if isinstance(value, float)
+        else str(value)
+    )
 
 
 def thousands(count: int) -> str:
@@ -792,7 +1012,9 @@ def thousands(count: int) -> str:
 
 
 def number(value: float, band: float = np.nan) -> str:
-    """Return a number with the digits that its band justifies, five significant ones without a band; "" for nan."""
+    """Return a number with the digits that its band justifies, five significant ones without a
+    band; "" for nan.
+    """
     if not np.isfinite(value):
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
@@ -805,12 +1027,16 @@ def number(value: float, band: float = np.nan) -> str:
     if abs(value) >= 1e7 or (places > 6 and abs(value) < 1e-4) or digits > MOST_DIGITS:
         return f"{short(value, f'.{min(max(digits, 1), MOST_DIGITS)}g')} ± {short(band, '.2g')}"
     if places < 0:
-        value, band, places = round(value, places), round(band, places), 0
+        value = round(value, places)
+        band = round(band, places)
+        places = 0
     return f"{value:.{places}f} ± {band:.{places}f}" if value else f"0 ± {band:.{places}f}"
 
 
 def write_sealed(path: Path, content: Mapping[str, Any]) -> Path:
-    """Store a document as JSON with its digest; return the path. Raises BadInput when it cannot be written."""
+    """Store a document as JSON with its digest; return the path. Raises BadInput when it cannot be
+    written.
+    """
     data = json.loads(json.dumps(content, allow_nan=False))
     text = json.dumps(data | {"digest": digest(data)}, indent=1, allow_nan=False)
     write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
@@ -818,7 +1044,9 @@ def write_sealed(path: Path, content: Mapping[str, Any]) -> Path:
 
 
 def unsealed(path: PathLike) -> dict[str, Any]:
-    """Return a stored document without its digest. Raises BadInput for other files and changed documents."""
+    """Return a stored document without its digest. Raises BadInput for other files and changed
+    documents.
+    """
     try:
         data: dict[str, Any] = json.loads(read_bytes(path, LARGEST_FILE))
         stated = data.pop("digest")
@@ -843,7 +1071,11 @@ def versions() -> Mapping[str, str]:
 def _nested(values: Array) -> Any:
     """Return an array as nested lists: null for nan, "unlimited" for infinity."""
     found = np.array(values, dtype=object)
-    for word, where in ((None, np.isnan(values)), ("unlimited", values == np.inf), ("-unlimited", values == -np.inf)):
+    for word, where in (
+        (None, np.isnan(values)),
+        ("unlimited", values == np.inf),
+        ("-unlimited", values == -np.inf),
+    ):
         found[where] = word
     return found.tolist()
 
@@ -858,7 +1090,12 @@ def _numbers(value: Any) -> Any:
 def _table_schema(description: str, properties: dict[str, Any], optional: str) -> dict[str, Any]:
     """Return the JSON schema of an object with these keys and no others."""
     required = [key for key in properties if key != optional]
-    parts = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    parts = {
+        "type": "object",
+        "properties": properties,
+        "required": required,
+        "additionalProperties": False,
+    }
     return {"description": description, **parts}
 
 

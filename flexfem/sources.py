@@ -1,9 +1,10 @@
-"""The sources of flexfem, the processes that it starts, and the file of the user, which they run as well.
+"""The sources of flexfem, the processes that it starts, and the file of the user, which they run as
+well.
 
-A child process starts with the module path of its parent without the current folder. `flexfem --with FILE ...` puts
-the path and the hash of a file that registers hinge formulas and materials into the environment. Children, such as the
-workers of a study, inherit both and reject a changed file.
-"""
+A child process starts with the module path of its parent without the current folder. `flexfem
+--with FILE ...` puts the path and the hash of a file that registers hinge formulas and materials
+into the environment. Children, such as the workers of a study, inherit both and reject a changed
+file."""
 
 from __future__ import annotations
 
@@ -19,9 +20,13 @@ from types import MappingProxyType
 from flexfem.refused import BadInput, printed, text_of
 
 PACKAGE = Path(__file__).parent
-ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}  # its environment
+ONE_THREAD = {
+    name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+}  # its environment
 WITH = "FLEXFEM_WITH"  # environment variable: hash, colon, absolute path of the file of the user
-_begun: set[str] = set()  # values of the variable whose files were started, because a file may call `load_own`
+_begun: set[str] = (
+    set()
+)  # values of the variable whose files were started, because a file may call `load_own`
 
 
 @lru_cache
@@ -31,7 +36,10 @@ def manifest() -> Mapping[str, str]:
     A command calls this before it loads the models.
     """
     paths = sorted((*PACKAGE.rglob("*.py"), *(PACKAGE / "data").glob("*.[jt]*")))
-    files = {path.relative_to(PACKAGE).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+    files = {
+        path.relative_to(PACKAGE).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in paths
+    }
     return MappingProxyType(files)
 
 
@@ -43,11 +51,19 @@ def read_data(name: str) -> str:
 def child_command(module: str) -> list[str]:
     """Return the command of a child process that runs `main()` of a module."""
     code = f"import sys; sys.path[:] = sys.argv[1:]; from {module} import main; main()"
-    return [sys.executable, "-P", "-c", code, *(entry for entry in sys.path if os.path.isabs(entry))]
+    return [
+        sys.executable,
+        "-P",
+        "-c",
+        code,
+        *(entry for entry in sys.path if os.path.isabs(entry)),
+    ]
 
 
 def use_own(path: Path) -> None:
-    """Run a file of the user in this process and its children. Raises BadInput when it cannot be read or run."""
+    """Run a file of the user in this process and its children. Raises BadInput when it cannot be
+    read or run.
+    """
     os.environ[WITH] = f"{hashlib.sha256(_bytes(path)).hexdigest()}:{path.absolute()}"
     load_own()
 
@@ -72,10 +88,16 @@ def load_own() -> None:
 def _run(named: str) -> None:
     expected, colon, name = named.partition(":")
     if not colon:
-        raise BadInput(f"{WITH} = {printed(named)}, expected no such variable, which flexfem --with FILE sets itself")
-    path, content = Path(name), _bytes(Path(name))
+        raise BadInput(
+            f"{WITH} = {printed(named)}, expected no such variable, which flexfem --with FILE "
+            "sets itself"
+        )
+    path = Path(name)
+    content = _bytes(Path(name))
     if hashlib.sha256(content).hexdigest() != expected:
-        raise BadInput(f"{path}: changed since this command began, expected the same file in every process")
+        raise BadInput(
+            f"{path}: changed since this command began, expected the same file in every process"
+        )
     try:
         exec(compile(content, path, "exec"), {"__name__": "flexfem_with", "__file__": str(path)})
     except BadInput as refusal:
@@ -90,7 +112,11 @@ def _run(named: str) -> None:
 
 def _place(path: Path, error: BaseException) -> str:
     """Return the file of the user and its innermost line in the traceback of an error."""
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    lines = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if frame.filename == str(path)
+    ]
     lines = lines or [error.lineno] if isinstance(error, SyntaxError) else lines
     return f"{path}, line {lines[-1]}" if lines and lines[-1] else str(path)
 

@@ -35,11 +35,16 @@ from flexfem.study.workers import workers_of
 
 
 class Facts(dict[str, Any]):
-    """Facts about a study, which print as lines of text; `failed`: the command ends with exit code 1."""
+    """Facts about a study, which print as lines of text; `failed`: the command ends with exit code
+    1.
+    """
 
-    def __init__(self, facts: Mapping[str, Any], lines: Iterable[str], failed: bool = False) -> None:
+    def __init__(
+        self, facts: Mapping[str, Any], lines: Iterable[str], failed: bool = False
+    ) -> None:
         super().__init__(facts)
-        self.text, self.failed = "\n".join(lines), failed
+        self.text = "\n".join(lines)
+        self.failed = failed
 
     def __str__(self) -> str:
         return self.text
@@ -47,11 +52,12 @@ class Facts(dict[str, Any]):
 
 @brief
 class StudyFindings(NamedTuple):
-    """A collected study: its table, the source data of its figures, and the record of each figure by name.
+    """A collected study: its table, the source data of its figures, and the record of each figure
+    by name.
 
-    `flexfem.plot` draws records of `found`: `plot_map` a map, `plot_front` a front, `plot_histogram` each of the
-    `scatters` of a distribution, `plot_shares` each of the `shares` of a sensitivity with its `factors`.
-    """
+    `flexfem.plot` draws records of `found`: `plot_map` a map, `plot_front` a front,
+    `plot_histogram` each of the `scatters` of a distribution, `plot_shares` each of the `shares` of
+    a sensitivity with its `factors`."""
 
     table: Collected
     source: Source
@@ -59,13 +65,18 @@ class StudyFindings(NamedTuple):
 
 
 def processors() -> int:
-    """Return the number of processors that this process may use, which may be a share of the machine."""
+    """Return the number of processors that this process may use, which may be a share of the
+    machine.
+    """
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def parts_of(study: PathLike, output: PathLike = REPORTS) -> Parts:
-    """Return the parts of a study file in an output folder, or of a folder of results. Raises BadInput."""
-    path, folder = checked_path(study), checked_path(output)
+    """Return the parts of a study file in an output folder, or of a folder of results. Raises
+    BadInput.
+    """
+    path = checked_path(study)
+    folder = checked_path(output)
     if path.is_dir():
         path, folder = _study_of(path)
     parts = run.parts_of(load_study(path), folder)
@@ -74,15 +85,25 @@ def parts_of(study: PathLike, output: PathLike = REPORTS) -> Parts:
 
 
 def _study_of(results: Path) -> tuple[Path, Path]:
-    """Return the study file and the output folder of a folder of results, or of its parts. Raises BadInput."""
+    """Return the study file and the output folder of a folder of results, or of its parts. Raises
+    BadInput.
+    """
     folder = Path(os.path.abspath(results))
     folder = folder.parent if folder.name == run.PARTS else folder
     try:
-        file = Path(os.path.normpath(folder / json.loads((folder / run.FILE).read_text(encoding="utf-8"))["study"]))
+        file = Path(
+            os.path.normpath(
+                folder / json.loads((folder / run.FILE).read_text(encoding="utf-8"))["study"]
+            )
+        )
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
-        raise BadInput(f"{results}: no study has run in this folder, expected a study file or its results") from None
+        raise BadInput(
+            f"{results}: no study has run in this folder, expected a study file or its results"
+        ) from None
     if file.stem != folder.name:
-        raise BadInput(f"{results}: a folder of results of {file}, expected it to be named {file.stem}")
+        raise BadInput(
+            f"{results}: a folder of results of {file}, expected it to be named {file.stem}"
+        )
     return file, folder.parent
 
 
@@ -97,22 +118,26 @@ def run_study(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Facts:
-    """Compute the unfinished designs of a study. The same call continues a run that was stopped or killed.
+    """Compute the unfinished designs of a study. The same call continues a run that was stopped or
+    killed.
 
     Parameters
     ----------
     study : path
-        Study file, see flexfem schema study, or the folder of its results, such as `reports/study-reach`.
+        Study file, see flexfem schema study, or the folder of its results, such as
+        `reports/study-reach`.
     output : path
         Folder of results, with a folder for each study.
     workers : int, optional
-        Number of processes on this machine, at most 1024, by default one per processor. Not with another executor.
+        Number of processes on this machine, at most 1024, by default one per processor. Not with
+        another executor.
     shard : str
         Compute share I of N, written I/N, for job arrays.
     retry : bool
         Repeat designs that failed or ran out of time.
     scheduler : str, optional
-        Compute on the workers of a Dask scheduler: its address, host:port, or the path of its scheduler file.
+        Compute on the workers of a Dask scheduler: its address, host:port, or the path of its
+        scheduler file.
     executor : concurrent.futures.Executor, optional
         Compute on the workers of this executor, such as `client.get_executor()` of a Dask client.
     progress : callable, optional
@@ -121,13 +146,17 @@ def run_study(
     Returns
     -------
     dict
-        As that of `study_status`, for this share, with the `next` command. Raises BadInput or ComputationFailed;
-        written parts are kept in any case.
+        As that of `study_status`, for this share, with the `next` command. Raises BadInput or
+        ComputationFailed; written parts are kept in any case.
     """
-    share, parts = shard_of(shard), parts_of(study, output)
+    share = shard_of(shard)
+    parts = parts_of(study, output)
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
     if workers is not None and (scheduler is not None or executor is not None):
-        raise BadInput(f"workers = {workers}, expected none with a scheduler or an executor, which have their own")
+        raise BadInput(
+            f"workers = {workers}, expected none with a scheduler or an executor, which have "
+            "their own"
+        )
     if not all(parts.path(chunk).exists() for chunk in parts.chunks(share)):
         require_extra_numbers(parts.loaded)
     check_folder(parts.folder)
@@ -136,13 +165,23 @@ def run_study(
     facts = status_facts(parts, share)
     folder = parts.folder.parents[1]
     where = [] if folder.absolute() == REPORTS.absolute() else ["--output", str(folder)]
-    command = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
-    facts |= {"shard": shard, "next": shlex.join(["flexfem", "study", *command, facts["file"], *where])}
+    command = (
+        ["run", "--retry"]
+        if facts["failed"]
+        else ["status"]
+        if facts["open_elsewhere"]
+        else ["plot"]
+    )
+    facts |= {
+        "shard": shard,
+        "next": shlex.join(["flexfem", "study", *command, facts["file"], *where]),
+    }
     return Facts(facts, _lines(facts), bool(facts["open"] or (facts["failed"] and not facts["ok"])))
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> Facts:
-    """Count the designs of a study by status. The output states the reasons of refusals and failures.
+    """Count the designs of a study by status. The output states the reasons of refusals and
+    failures.
 
     Parameters
     ----------
@@ -179,12 +218,19 @@ def clean_study(study: PathLike, output: PathLike = REPORTS, *, dry_run: bool = 
     """
     count, size = run.remove_stale(parts_of(study, output), dry_run)
     removed = bool(count) and not dry_run
-    line = f"{count:,} parts of other inputs or versions, {size / 1e6:.3g} MB: {'' if removed else 'nothing '}removed"
+    line = (
+        f"{count:,} parts of other inputs or versions, {size / 1e6:.3g} MB: "
+        f"{'' if removed else 'nothing '}removed"
+    )
     return Facts({"stale": count, "bytes": size, "removed": removed}, [line])
 
 
 def collect_study(
-    study: PathLike, output: PathLike = REPORTS, *, to: PathLike | None = None, partial: bool = False
+    study: PathLike,
+    output: PathLike = REPORTS,
+    *,
+    to: PathLike | None = None,
+    partial: bool = False,
 ) -> Facts:
     """Join the finished designs in one table, in their order.
 
@@ -202,19 +248,23 @@ def collect_study(
     Returns
     -------
     dict
-        The written table, and the numbers of its designs and of unfinished ones. Raises BadInput: designs are
-        unfinished, a part is damaged, or the table cannot be written.
+        The written table, and the numbers of its designs and of unfinished ones. Raises BadInput:
+        designs are unfinished, a part is damaged, or the table cannot be written.
     """
     parts = parts_of(study, output)
     target = parts.table if to is None else checked_path(to)
     if to is not None:
         check_file(target)
     table = collect(parts, target, partial)
-    return Facts({"written": [str(table.path)], "designs": table.designs, "open": table.open}, [str(table.path)])
+    return Facts(
+        {"written": [str(table.path)], "designs": table.designs, "open": table.open},
+        [str(table.path)],
+    )
 
 
 def plot_study(study: PathLike, output: PathLike = REPORTS, *, partial: bool = False) -> Facts:
-    """Collect the table and draw the figures. They are PNG and PDF files; --json prints their numbers.
+    """Collect the table and draw the figures. They are PNG and PDF files; --json prints their
+    numbers.
 
     Parameters
     ----------
@@ -228,22 +278,31 @@ def plot_study(study: PathLike, output: PathLike = REPORTS, *, partial: bool = F
     Returns
     -------
     dict
-        The written files, warnings, and the rows of every figure, or why it cannot be drawn. Raises BadInput.
+        The written files, warnings, and the rows of every figure, or why it cannot be drawn. Raises
+        BadInput.
     """
     from flexfem.plot.study import write_study_figures  # heavy
 
     table, source, found = study_findings(study, output, partial)
     written = [str(path) for path in (table.path, *write_study_figures(found, table.path.parent))]
-    refused = {name: finding.reason for name, finding in found.items() if isinstance(finding, Refused)}
+    refused = {
+        name: finding.reason for name, finding in found.items() if isinstance(finding, Refused)
+    }
     warnings = [*run.warnings_of_factors(parts_of(study, output)), *source.table.warnings]
     figures = {name: facts_of(finding) for name, finding in found.items()}
     lines = [*written, *(f"warning: {text}" for text in warnings)]
     lines += [f"{name} is not drawn: {reason}" for name, reason in refused.items()]
-    return Facts({"written": written, "warnings": warnings, "findings": figures}, lines, bool(refused))
+    return Facts(
+        {"written": written, "warnings": warnings, "findings": figures}, lines, bool(refused)
+    )
 
 
-def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
-    """Collect the table of a study and compute the records of its figures. Raises BadInput as `collect_study`."""
+def study_findings(
+    study: PathLike, output: PathLike = REPORTS, partial: bool = False
+) -> StudyFindings:
+    """Collect the table of a study and compute the records of its figures. Raises BadInput as
+    `collect_study`.
+    """
     return findings_of(parts_of(study, output), partial)
 
 
@@ -264,8 +323,10 @@ def shard_of(text: str) -> slice:
 
 def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
     """Return the facts of `study status` on all parts or those of a share."""
-    loaded, found = parts.loaded, run.survey(parts, share)
-    counts, designs = found.total, sum(map(len, parts.chunks(share)))
+    loaded = parts.loaded
+    found = run.survey(parts, share)
+    counts = found.total
+    designs = sum(map(len, parts.chunks(share)))
     by_status: Counter[str] = Counter()
     for (status, _), n in counts.items():
         by_status[status] += n
@@ -278,7 +339,9 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "ok": by_status["ok"],
         "refused": by_status["refused"],
         "failed": sum(by_status[status] for status in run.RETRIED),
-        "reasons": {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"},
+        "reasons": {
+            status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"
+        },
         "warnings": [*run.warnings_of_factors(parts), *counted_warnings(_reasons(counts, "ok"))],
         "open": designs - by_status.total(),
         "open_elsewhere": loaded.count - designs - found.elsewhere,
@@ -301,24 +364,37 @@ def _lines(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield the facts of `study run` and `study status` as text."""
     share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
     elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""
-    yield f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} unfinished{elsewhere}"
-    yield f"done {facts['done']:,}: {facts['ok']:,} ok, {facts['refused']:,} refused, {facts['failed']:,} failed"
+    yield (
+        f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} "
+        f"unfinished{elsewhere}"
+    )
+    yield (
+        f"done {facts['done']:,}: {facts['ok']:,} ok, {facts['refused']:,} refused, "
+        f"{facts['failed']:,} failed"
+    )
     for state, reasons in facts["reasons"].items():
         yield from (f"  {n:,} {state}: {reason}" for reason, n in reasons.items())
     yield f"{facts['parts']:,} part{'s' * (facts['parts'] != 1)} in {facts['folder']}"
     yield from (f"{text}; {RUN_AGAIN}" for text in facts["damaged"])
     if facts["stale"]:
-        yield f"{facts['stale']:,} parts there belong to other inputs or versions; flexfem study clean removes them"
+        yield (
+            f"{facts['stale']:,} parts there belong to other inputs or versions; flexfem study "
+            "clean removes them"
+        )
     yield from (f"warning: {text}" for text in facts["warnings"])
     yield f"accuracy: {facts['stress_accuracy']}"
-    for text in assumptions_said(facts["assumed"], facts["not_stated"], "of the numbers of the study "):
+    for text in assumptions_said(
+        facts["assumed"], facts["not_stated"], "of the numbers of the study "
+    ):
         yield f"{text}: --json lists them"
     if "next" in facts:
         yield f"next: {facts['next']}"
 
 
 def facts_of(record: Record | Refused) -> dict[str, Any]:
-    """Return a figure as plain data: rows of its table, None for numbers not finite; or why it is not drawn."""
+    """Return a figure as plain data: rows of its table, None for numbers not finite; or why it is
+    not drawn.
+    """
     if isinstance(record, Refused):
         return {"refused": record.reason}
     front = {"power": record.power, "gain": record.gain} if isinstance(record, ParetoFront) else {}

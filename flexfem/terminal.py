@@ -15,14 +15,19 @@ from types import FrameType, TracebackType
 from typing import Any
 
 EVERY = 10.0  # s between two progress lines
-COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # control characters
+COMMANDS = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]"
+)  # control characters
 IMPORTER = "<frozen importlib._bootstrap>"  # file name in frames of the import system
-LOOK, PATIENCE = 0.02, 2.0  # s between two checks whether an import has ended, and its longest duration
+LOOK = 0.02
+PATIENCE = 2.0  # s between two checks whether an import has ended, and its longest duration
 ENDING = 5.0  # s for a stopped command to end; after that the next signal ends it at once
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal stopped the command; `code` is 128 plus the signal number. A note on it replaces its message."""
+    """A signal stopped the command; `code` is 128 plus the signal number. A note on it replaces its
+    message.
+    """
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -30,15 +35,19 @@ class Stopped(KeyboardInterrupt):
 
 
 class Plain:
-    """A text stream that escapes control characters; `raw` is the wrapped stream, for progress bars.
+    """A text stream that escapes control characters; `raw` is the wrapped stream, for progress
+    bars.
 
     silent : ignore write errors, because progress on a full or closed stream must not end a run.
     """
 
     def __init__(self, raw: Any, silent: bool) -> None:
-        self.raw, self._silent = raw, silent
+        self.raw = raw
+        self._silent = silent
         if hasattr(raw, "reconfigure"):
-            raw.reconfigure(errors="backslashreplace")  # characters that the encoding of the terminal lacks
+            raw.reconfigure(
+                errors="backslashreplace"
+            )  # characters that the encoding of the terminal lacks
 
     def write(self, text: str) -> int:
         """Write text with escaped control characters, except new lines and tabs."""
@@ -77,12 +86,15 @@ def open_streams() -> None:
             os.fstat(stream)
         except OSError:
             opened = os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, this one
-            os.set_inheritable(opened, True)  # for child processes, whose pipes would get its number
+            os.set_inheritable(
+                opened, True
+            )  # for child processes, whose pipes would get its number
 
 
 @contextmanager
 def plain_streams() -> Iterator[None]:
-    """Escape control characters on standard output and error, and ignore write errors on standard error.
+    """Escape control characters on standard output and error, and ignore write errors on standard
+    error.
 
     Warnings of libraries are printed on one line, without their place in the code.
     """
@@ -110,9 +122,9 @@ def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
 def stoppable() -> Iterator[list[Stopped]]:
     """Raise Stopped at the first stop signal, and yield a list that then contains it.
 
-    A running import is finished first, because interrupted libraries print messages or stay half loaded. Where no
-    exception can be raised, it is raised a moment later. Further signals are ignored for `ENDING` s.
-    """
+    A running import is finished first, because interrupted libraries print messages or stay half
+    loaded. Where no exception can be raised, it is raised a moment later. Further signals are
+    ignored for `ENDING` s."""
     raised: list[Stopped] = []
     if threading.current_thread() is not threading.main_thread():
         yield raised
@@ -126,7 +138,11 @@ def stoppable() -> Iterator[list[Stopped]]:
             os._exit(128 + number)
 
     def end(number: int, frame: FrameType | None) -> None:
-        if sys.platform != "win32" and _imports(frame) and time.monotonic() - raised[0].asked < PATIENCE:
+        if (
+            sys.platform != "win32"
+            and _imports(frame)
+            and time.monotonic() - raised[0].asked < PATIENCE
+        ):
             end_soon()
         else:
             raise raised[0]
@@ -144,7 +160,8 @@ def stoppable() -> Iterator[list[Stopped]]:
 
     taken = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
     before = {number: signal.getsignal(number) for number in taken}
-    hook, sys.unraisablehook = sys.unraisablehook, unraisable
+    hook = sys.unraisablehook
+    sys.unraisablehook = unraisable
     for number in taken:
         if before[number] is not signal.SIG_IGN:  # nohup, and background jobs of a shell
             signal.signal(number, stop)
@@ -156,7 +173,9 @@ def stoppable() -> Iterator[list[Stopped]]:
             for number, handler in before.items():
                 signal.signal(number, handler)
         elif sys.platform != "win32":
-            signal.setitimer(signal.ITIMER_REAL, 0)  # the command ended before the next check: its own exit code counts
+            signal.setitimer(
+                signal.ITIMER_REAL, 0
+            )  # the command ended before the next check: its own exit code counts
 
 
 def _imports(frame: FrameType | None) -> bool:
@@ -187,17 +206,24 @@ def reason_of(error: BaseException) -> str:
     if isinstance(error, ImportError):
         return f"a library cannot be loaded: {what}"
     frame = deepest(error)
-    where = f" ({os.path.basename(frame.tb_frame.f_code.co_filename)}, line {frame.tb_lineno})" if frame else ""
-    return f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows the traceback"
+    where = (
+        f" ({os.path.basename(frame.tb_frame.f_code.co_filename)}, line {frame.tb_lineno})"
+        if frame
+        else ""
+    )
+    return (
+        f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows "
+        "the traceback"
+    )
 
 
 @contextmanager
 def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], None]]:
     """Yield a function that shows a progress message.
 
-    A terminal shows a spinner, removed at the end. Other streams get a line for each message at least `pause` s after
-    the last line, and a line with the time whenever `EVERY` s have passed without one.
-    """
+    A terminal shows a spinner, removed at the end. Other streams get a line for each message at
+    least `pause` s after the last line, and a line with the time whenever `EVERY` s have passed
+    without one."""
     stream = sys.stderr.raw if isinstance(sys.stderr, Plain) else sys.stderr
     if stream.isatty():
         from rich.console import Console
@@ -206,7 +232,8 @@ def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], No
         with Console(file=stream).status(Text(description)) as sign:
             yield lambda text: sign.update(Text(f"{description}: {text}"))
         return
-    began, ended = time.monotonic(), threading.Event()
+    began = time.monotonic()
+    ended = threading.Event()
     latest = began - pause
 
     def say(text: str) -> None:
@@ -218,7 +245,9 @@ def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], No
     def remind() -> None:
         while not ended.wait(EVERY):
             if time.monotonic() - latest >= EVERY:
-                print(f"{description}: {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
+                print(
+                    f"{description}: {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True
+                )
 
     thread = threading.Thread(target=remind, daemon=True)
     thread.start()

@@ -1,4 +1,6 @@
-"""Units of all output: their names, and their factors on internal numbers (N, mm, MPa, rad, tonne, s)."""
+"""Units of all output: their names, and their factors on internal numbers (N, mm, MPa, rad, tonne,
+s).
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ PLANES = {  # reductions of a stage to a plane problem
     "three_dimensional": "three dimensions",
 }
 PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: ""}
-ROUND_DOWN = 1e-9  # of a power of 1000; a number below it by round-off keeps the prefix of that power
+ROUND_DOWN = (
+    1e-9  # of a power of 1000; a number below it by round-off keeps the prefix of that power
+)
 
 
 class Unit(NamedTuple):
@@ -88,7 +92,10 @@ SIMILAR = (  # units that a number on the command line may have, of the same qua
 )
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 
-LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNITS["deg"]
+LENGTH = UNITS["mm"]
+MICROMETRE = UNITS["um"]
+STRESS = UNITS["mpa"]
+DEGREE = UNITS["deg"]
 EXPANSION = UNITS["um_per_m_k"]
 RATE = UNITS["n_per_um"]  # stiffness of stacks and contacts, as data sheets give it
 UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
@@ -101,7 +108,8 @@ BY_DIRECTION: dict[object, UnitNames] = {  # keys of `UNITS` for x, y and theta
     "compliance": ("mm_per_n", "mm_per_n", "rad_per_n_mm"),
     "stress per motion": ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
     "stiffness matrix": (("n_per_mm", "n_per_mm", "n"),) * 2 + (("n", "n", "n_mm_per_rad"),),
-    "compliance matrix": (("mm_per_n", "mm_per_n", "per_n"),) * 2 + (("per_n", "per_n", "rad_per_n_mm"),),
+    "compliance matrix": (("mm_per_n", "mm_per_n", "per_n"),) * 2
+    + (("per_n", "per_n", "rad_per_n_mm"),),
 }
 POSES, COMMANDS, FORCES, STIFFNESSES, COMPLIANCES = (
     tuple(UNITS[str(name)] for name in BY_DIRECTION[quantity])
@@ -116,14 +124,19 @@ def unit_of(name: str) -> Unit:
 
 
 def in_unit(text: str, unit: Unit) -> float:
-    """Return a number in `unit` from a text such as 0.1 or 100um. Raises ValueError that names the expected units."""
+    """Return a number in `unit` from a text such as 0.1 or 100um. Raises ValueError that names the
+    expected units.
+    """
     with suppress(ValueError):
         return float(text)
     units = next(each for each in SIMILAR if unit in each)
-    found, spelled = NUMBER.match(text), {_spelled(each.name): each for each in units}
+    found = NUMBER.match(text)
+    spelled = {_spelled(each.name): each for each in units}
     if found is None or (given := spelled.get(_spelled(text[found.end() :]))) is None:
         names = ", ".join(each.plain.replace(" ", "") for each in units)
-        raise ValueError(f"{text}, expected a number in {unit.plain}, or a number with its unit: {names}")
+        raise ValueError(
+            f"{text}, expected a number in {unit.plain}, or a number with its unit: {names}"
+        )
     return float(found[0]) / given.factor * unit.factor
 
 
@@ -143,7 +156,8 @@ def without_unit(name: str) -> str:
 
 
 def unit_for(freedom: Direction, largest: float) -> Unit:
-    """Return the prefixed unit in which `largest` (mm for x and y, rad for theta) reads between 1 and 1000.
+    """Return the prefixed unit in which `largest` (mm for x and y, rad for theta) reads between 1
+    and 1000.
 
     The smallest unit is 1 am (or arad), the largest 1 m (or rad); zero and infinity get um or urad.
     """

@@ -30,7 +30,10 @@ from flexfem.sources import PACKAGE, read_data
 if TYPE_CHECKING:
     from flexfem.plot.plate import Recognised
 
-MECHANISMS = tuple(file.stem.removeprefix("mechanism-") for file in sorted((PACKAGE / "data").glob("mechanism-*.toml")))
+MECHANISMS = tuple(
+    file.stem.removeprefix("mechanism-")
+    for file in sorted((PACKAGE / "data").glob("mechanism-*.toml"))
+)
 
 
 class NewFiles(NamedTuple):
@@ -42,7 +45,9 @@ class NewFiles(NamedTuple):
 
 
 class View(NamedTuple):
-    """Drawing of a stage or mechanism file: files written, whether a window was opened, and what is missing in it."""
+    """Drawing of a stage or mechanism file: files written, whether a window was opened, and what is
+    missing in it.
+    """
 
     file: str
     name: str
@@ -53,7 +58,9 @@ class View(NamedTuple):
     not_stated: list[str]
 
 
-def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study: bool = False) -> NewFiles:
+def new_stage(
+    file: Path, *, kind: str | None = None, case: bool = False, study: bool = False
+) -> NewFiles:
     """Write a commented template of a stage or mechanism file.
 
     Parameters
@@ -61,8 +68,9 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
     file : path
         File to write, .toml; must not exist yet.
     kind : str, optional
-        Kind of mechanism: parallelogram, double-parallelogram, pivot, lever-amplifier, bridge-amplifier,
-        rhombic-amplifier, xy-stage or four-chains. By default the stage with three chains and nine hinges.
+        Kind of mechanism: parallelogram, double-parallelogram, pivot, lever-amplifier,
+        bridge-amplifier, rhombic-amplifier, xy-stage or four-chains. By default the stage with
+        three chains and nine hinges.
     case : bool
         Also write a case of this stage, FILE-case.toml, for verify.
     study : bool
@@ -75,16 +83,23 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
     """
     path = checked_path(file)
     if path.suffix != ".toml":
-        raise BadInput(f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml")
+        raise BadInput(
+            f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml"
+        )
     require_plain_stem(path)
     if kind is not None and kind not in MECHANISMS:
-        raise BadInput(f"--kind = {shown(kind)}, expected a kind of mechanism{nearest(kind, MECHANISMS)}")
+        raise BadInput(
+            f"--kind = {shown(kind)}, expected a kind of mechanism{nearest(kind, MECHANISMS)}"
+        )
     if kind is not None and (case or study):
         raise BadInput(
-            "--kind: cases and studies are those of the stage with nine hinges, expected no --case or --study"
+            "--kind: cases and studies are those of the stage with nine hinges, expected no "
+            "--case or --study"
         )
     template, shown_by = ("new-stage", "summary") if kind is None else (f"mechanism-{kind}", "view")
-    made: dict[Path, tuple[str, tuple[str, ...]]] = {path: (template, ("check", shown_by, "stiffness"))}
+    made: dict[Path, tuple[str, tuple[str, ...]]] = {
+        path: (template, ("check", shown_by, "stiffness"))
+    }
     if case:
         made[path.with_stem(f"{path.stem}-case")] = "new-case", ("verify",)
     if study:
@@ -92,14 +107,22 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
     for new in made:
         check_file(new)
         if new.exists() or new.is_symlink():
-            raise BadInput(f"{place_of(new)}: exists, expected the name of a new file; nothing is written")
+            raise BadInput(
+                f"{place_of(new)}: exists, expected the name of a new file; nothing is written"
+            )
     for new, (template, _) in made.items():
-        text = read_data(f"{template}.toml").replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
+        text = read_data(f"{template}.toml").replace(
+            '"stage.toml"', json.dumps(path.name, ensure_ascii=False)
+        )
         write_atomically(new, methodcaller("write", text.encode()))
     whose = "flexfem's reference stage" if kind is None else "an example"
     return NewFiles(
         [*map(str, made)],
-        [f"flexfem {name} {shlex.quote(str(new))}" for new, (_, commands) in made.items() for name in commands],
+        [
+            f"flexfem {name} {shlex.quote(str(new))}"
+            for new, (_, commands) in made.items()
+            for name in commands
+        ],
         [f"all numbers are those of {whose}: they are assumed, replace them with your own"],
     )
 
@@ -107,25 +130,26 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
 def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READING) -> View:
     """Draw a mechanism, or a stage with its dimensions, in a window if possible.
 
-    Of an unfinished mechanism file it draws what there is, and names what is missing. Of a drawing it shows the bodies
-    and hinges that were recognised over the drawing, and in red thin parts that are no hinges.
+    Of an unfinished mechanism file it draws what there is, and names what is missing. Of a drawing
+    it shows the bodies and hinges that were recognised over the drawing, and in red thin parts that
+    are no hinges.
 
     Parameters
     ----------
     file : path
         Stage or mechanism file, or a drawing.
     output : path, optional
-        Folder of the picture, or its file, .png, .pdf or .svg; default: a window if there is a display, otherwise the
-        current folder.
+        Folder of the picture, or its file, .png, .pdf or .svg; default: a window if there is a
+        display, otherwise the current folder.
     reading : Reading
         Of a drawing: its thickness, material, ground, output and so on.
 
     Raises
     ------
     BadInput
-        The file cannot be read, has no body that can be drawn, or is an invalid stage file; the folder is not writable;
-        or the parts of the stage or mechanism do not fit together. In the last case it is drawn, with the parts at
-        fault in red, before the error is raised.
+        The file cannot be read, has no body that can be drawn, or is an invalid stage file; the
+        folder is not writable; or the parts of the stage or mechanism do not fit together. In the
+        last case it is drawn, with the parts at fault in red, before the error is raised.
     """
     from flexfem.plot.plate import drawing_figure, plot_plate
     from flexfem.plot.stage import mark_clashes, show_window
@@ -133,22 +157,27 @@ def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READIN
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
-    picture = target if target is not None and target.suffix in PICTURES and not target.is_dir() else None
+    picture = (
+        target if target is not None and target.suffix in PICTURES and not target.is_dir() else None
+    )
     if picture is not None:
         check_file(picture, source)
     plate, layout, missing, recognised = _drawable(source, reading)
-    refused, clashing = None, list[Any]()
+    refused = None
+    clashing = list[Any]()
     try:
         if plate.origin.path is not None:  # of an unfinished file only parts are read
             check_feasible(plate)
     except BadInput as refusal:
         if refusal.reason not in missing:
             layout = stage_layout(plate, refuse=False) if isinstance(plate, Stage) else plate.layout
-            refused, clashing = refusal, clashes(layout, refusal)
+            refused = refusal
+            clashing = clashes(layout, refusal)
     page = partial(drawing_figure, plate, layout, missing=missing, recognised=recognised)
     plot = partial(plot_plate, plate=plate, layout=layout, recognised=recognised)
     mark = partial(mark_clashes, refusal=refused, clashes=clashing)
-    window, written = target is None and show_window(lambda ax: mark(plot(ax)), plate.name), list[Path]()
+    window = target is None and show_window(lambda ax: mark(plot(ax)), plate.name)
+    written = list[Path]()
     if picture is not None:
         mark((figure := page()).axes[0])
         written = [write_picture(picture, figure)]
@@ -166,7 +195,9 @@ def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READIN
 
 
 class _Drawable(NamedTuple):
-    """What can be drawn of a file: the plate, its layout, what is missing, and what was recognised in a drawing."""
+    """What can be drawn of a file: the plate, its layout, what is missing, and what was recognised
+    in a drawing.
+    """
 
     plate: Stage | Mechanism
     layout: Layout | None
@@ -179,7 +210,9 @@ def _drawable(source: Path, reading: Reading) -> _Drawable:
 
     if is_drawing(source):
         plate = imported(source, reading)
-        return _Drawable(plate.mechanism, None, [], Recognised(drawn_polygon(plate.found.drawing), plate.slender))
+        return _Drawable(
+            plate.mechanism, None, [], Recognised(drawn_polygon(plate.found.drawing), plate.slender)
+        )
     require_no_reading(source, reading)
     if kind_of(read_toml(source).data) == Mechanism.kind:
         return _Drawable(*read_drawable(source), None)
@@ -201,7 +234,8 @@ class MeshReport(NamedTuple):
 
 
 def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = None) -> MeshReport:
-    """Mesh a stage or a mechanism and write it with groups: stage, ground and hub, or bodies, hinges and clamped edges.
+    """Mesh a stage or a mechanism and write it with groups: stage, ground and hub, or bodies,
+    hinges and clamped edges.
 
     Parameters
     ----------
@@ -231,7 +265,8 @@ def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = Non
         write_plate_mesh(made, stage.layout, target)
     else:
         check_feasible(stage)
-        plate, made = plate_of(stage), build_mesh(stage, finest)
+        plate = plate_of(stage)
+        made = build_mesh(stage, finest)
         write_mesh(made, plate, target)
     return MeshReport(
         **of_stage(stage),
@@ -245,7 +280,9 @@ def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = Non
 
 @brief
 class HingeFormulas(NamedTuple):
-    """Sources, freedoms and ranges of all formulas by name, of closed forms by hinge shape, and the figures written."""
+    """Sources, freedoms and ranges of all formulas by name, of closed forms by hinge shape, and the
+    figures written.
+    """
 
     formulas: dict[str, Any]
     shapes: dict[str, Any]
@@ -253,7 +290,8 @@ class HingeFormulas(NamedTuple):
 
 
 def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
-    """List the hinge formulas with source, freedoms and range; compare them with finite elements in figures.
+    """List the hinge formulas with source, freedoms and range; compare them with finite elements in
+    figures.
 
     Parameters
     ----------

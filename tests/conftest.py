@@ -16,7 +16,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-# Read when numpy is loaded: matrices are small here, and threads that wait for work take the processor from others.
+# Read when numpy is loaded: matrices are small here, and threads that wait for work take the
+# processor from others.
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 
 import pytest
@@ -28,22 +29,34 @@ from flexfem.mechanism.stage import Stage
 
 ROOT = Path(__file__).parent.parent
 sys.path.append(str(ROOT / "benchmarks"))  # tests use some of these programs
-gc.set_threshold(50_000)  # by default all that libraries loaded is looked through again and again: a tenth of the time
-settings.register_profile("flexfem", deadline=None, derandomize=True)  # the same examples on every machine
+gc.set_threshold(
+    50_000
+)  # by default all that libraries loaded is looked through again and again: a tenth of the time
+settings.register_profile(
+    "flexfem", deadline=None, derandomize=True
+)  # the same examples on every machine
 settings.load_profile("flexfem")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell began the tests in the background
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # what they start is to hear of Ctrl-C all the same
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # what they start is to hear of Ctrl-C all the same
 
 
 GENERIC: dict[str, Any] = {
-    "name": "generic stage", "thickness_mm": 9.7,
+    "name": "generic stage",
+    "thickness_mm": 9.7,
     "material": {
-        "name": "generic metal", "youngs_modulus_gpa": 68.3, "poissons_ratio": 0.29, "density_kg_m3": 2739.0,
+        "name": "generic metal",
+        "youngs_modulus_gpa": 68.3,
+        "poissons_ratio": 0.29,
+        "density_kg_m3": 2739.0,
         "yield_strength_mpa": 411.0,
     },
     "chain": {
-        "link_lengths_mm": [31.0, 33.5, 25.0], "joint_angles_deg": [175.0, -85.0, 92.0], "link_width_mm": 8.9,
+        "link_lengths_mm": [31.0, 33.5, 25.0],
+        "joint_angles_deg": [175.0, -85.0, 92.0],
+        "link_width_mm": 8.9,
     },
     "hinges": {
         "base": {"radius_mm": 3.9, "neck_mm": 0.53, "prismatic": True},
@@ -51,7 +64,7 @@ GENERIC: dict[str, Any] = {
         "platform": {"radius_mm": 1.4, "neck_mm": 0.61},
     },
     "platform": {"radius_mm": 16.3, "hub_radius_mm": 7.7},
-}  # fmt: skip
+}
 
 UNLIKE: list[dict[str, Any]] = [
     {"chain": 1, "hinge": "base", "radius_mm": 2.3, "axis_deg": 183.0},
@@ -82,7 +95,9 @@ def make_stage() -> StageMaker:
 
 @cache
 def syntax_of(path: Path) -> ast.Module:
-    """The tree of a source, parsed once for all tests that read sources; none of them may change it."""
+    """The tree of a source, parsed once for all tests that read sources; none of them may change
+    it.
+    """
     return ast.parse(path.read_text())
 
 
@@ -120,12 +135,18 @@ def project(tmp_path: Path) -> Project:
 
 def stored(path: Path) -> Any:
     """What a stored record says, its digests left out."""
-    return {key: value for key, value in json.loads(path.read_text()).items() if key not in ("digest", "fields")}
+    return {
+        key: value
+        for key, value in json.loads(path.read_text()).items()
+        if key not in ("digest", "fields")
+    }
 
 
 @pytest.fixture
 def unrendered(monkeypatch: Any) -> None:
-    """Figures are drawn, but their files hold the name of their form: pixels and pages take longest by far."""
+    """Figures are drawn, but their files hold the name of their form: pixels and pages take longest
+    by far.
+    """
     monkeypatch.setattr("flexfem.plot.write.rendered", lambda figure, form: form.encode())
 
 

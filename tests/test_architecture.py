@@ -53,10 +53,21 @@ MODELS = ("flexfem.analytic.", "flexfem.fem.")
 
 @cache
 def imports(module: Path, types: bool = True) -> tuple[str, ...]:
-    """Names that a module imports anywhere in it; without `types`, only those that are there when it runs."""
-    found, nodes = list[str](), nodes_of(module)
-    checking = [node for node in nodes if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"]
-    unseen = set() if types else {id(node) for branch in checking for part in branch.body for node in ast.walk(part)}
+    """Names that a module imports anywhere in it; without `types`, only those that are there when
+    it runs.
+    """
+    found = list[str]()
+    nodes = nodes_of(module)
+    checking = [
+        node
+        for node in nodes
+        if isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING"
+    ]
+    unseen = (
+        set()
+        if types
+        else {id(node) for branch in checking for part in branch.body for node in ast.walk(part)}
+    )
     for node in nodes:
         if id(node) in unseen:
             continue
@@ -65,7 +76,9 @@ def imports(module: Path, types: bool = True) -> tuple[str, ...]:
         elif isinstance(node, ast.ImportFrom):
             found += [f"{node.module}.{name.name}" for name in node.names]
         elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
-            found += [one.value.removeprefix(".") for one in node.args if isinstance(one, ast.Constant)]
+            found += [
+                one.value.removeprefix(".") for one in node.args if isinstance(one, ast.Constant)
+            ]
     return tuple(found)
 
 
@@ -82,37 +95,54 @@ def test_heavy_libraries_are_loaded_where_they_belong():
 def test_arrows_go_one_way():
     """Those of types, too; what the package itself offers is from all its folders."""
     for module, name in ((path, name) for path in MODULES for name in imports(path)):
-        own, parts = folder_of(module), name.split(".")
+        own = folder_of(module)
+        parts = name.split(".")
         if parts[0] == "flexfem" and own != "__init__" and parts[1:] not in ([], ["__version__"]):
             below = LAYER[parts[1]] < LAYER[own] or (LAYER[own] == 0 and parts[1] != own)
             assert below or parts[1] == own, f"{module} imports {name}"
 
 
 def test_modules_are_imported_by_a_name_that_can_be_read_here():
-    """Else an import would go past the tests of this file; the names of those that may are in tables."""
+    """Else an import would go past the tests of this file; the names of those that may are in
+    tables.
+    """
     allowed = {f"flexfem/{name}.py" for name in ("__init__", "plot/__init__", "schemas", "sources")}
     for module in MODULES:
         calls = [node for node in nodes_of(module) if isinstance(node, ast.Call)]
-        by_name = [node for node in calls if re.search(r"\b(import_module|__import__)$", ast.unparse(node.func))]
-        plain = all(len(node.args) == 1 and isinstance(node.args[0], ast.Constant) for node in by_name)
+        by_name = [
+            node
+            for node in calls
+            if re.search(r"\b(import_module|__import__)$", ast.unparse(node.func))
+        ]
+        plain = all(
+            len(node.args) == 1 and isinstance(node.args[0], ast.Constant) for node in by_name
+        )
         assert plain or str(module.relative_to(ROOT)) in allowed, module
 
 
 def test_no_file_leads_back_to_itself():
     """Nor by types alone."""
     below = [module for module in MODULES if folder_of(module) != "__init__"]
-    names = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in below}
+    names = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in below
+    }
     ahead = {}
     for name, module in names.items():
         taken = imports(module)
-        ahead[name] = {part for each in taken for part in (each, each.rpartition(".")[0]) if part in names} - {name}
+        ahead[name] = {
+            part for each in taken for part in (each, each.rpartition(".")[0]) if part in names
+        } - {name}
     TopologicalSorter(ahead).prepare()  # raises CycleError, which names the files
 
 
 @cache
 def reached(name: str) -> frozenset[str]:
-    """Modules of the package that a module, itself among them, runs or may come to run through others."""
-    seen, ahead = set[str](), [name]
+    """Modules of the package that a module, itself among them, runs or may come to run through
+    others.
+    """
+    seen = set[str]()
+    ahead = [name]
     while ahead:
         one = ahead.pop()
         path = ROOT / f"{one.replace('.', '/')}.py"
@@ -132,12 +162,18 @@ def test_what_is_drawn_was_answered_before():
 
 
 def test_from_a_module_that_may_solve_reports_take_records_and_no_function():
-    """Results and settings are described beside what computes them; knowing them is no way to compute."""
+    """Results and settings are described beside what computes them; knowing them is no way to
+    compute.
+    """
     for report in REPORTS:
         for name in imports(ROOT / f"{report.replace('.', '/')}.py", types=False):
             module, _, thing = name.rpartition(".")
-            if not name.startswith("flexfem.plot.") and any(each.startswith(MODELS) for each in reached(module)):
-                assert not inspect.isroutine(getattr(import_module(module), thing)), f"{report} takes {name}"
+            if not name.startswith("flexfem.plot.") and any(
+                each.startswith(MODELS) for each in reached(module)
+            ):
+                assert not inspect.isroutine(getattr(import_module(module), thing)), (
+                    f"{report} takes {name}"
+                )
 
 
 def test_reach_goes_through_other_modules():
@@ -146,7 +182,11 @@ def test_reach_goes_through_other_modules():
 
 
 def test_only_the_mesher_imports_gmsh():
-    users = [module.name for module in MODULES if any(name.split(".")[0] == "gmsh" for name in imports(module))]
+    users = [
+        module.name
+        for module in MODULES
+        if any(name.split(".")[0] == "gmsh" for name in imports(module))
+    ]
     assert users == ["mesher.py"]
 
 
@@ -169,20 +209,34 @@ def test_light_commands_load_no_heavy_library(command, heavy):
         f"heavy = {heavy!r} & set(sys.modules)\n"
         "assert not heavy, heavy"
     )
-    subprocess.run([sys.executable, "-c", script, *command], cwd=ROOT, check=True, capture_output=True, timeout=60)
+    subprocess.run(
+        [sys.executable, "-c", script, *command],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        timeout=60,
+    )
 
 
 def test_no_module_takes_the_place_of_a_name_that_its_package_offers():
-    """A module that is imported becomes an attribute of its package, and would hide a function of that name."""
+    """A module that is imported becomes an attribute of its package, and would hide a function of
+    that name.
+    """
     for package in (path.parent for path in MODULES if path.name == "__init__.py"):
         loaded = import_module(".".join(package.relative_to(ROOT).parts))
-        defined = {name for name, thing in vars(loaded).items() if inspect.isroutine(thing) or inspect.isclass(thing)}
+        defined = {
+            name
+            for name, thing in vars(loaded).items()
+            if inspect.isroutine(thing) or inspect.isclass(thing)
+        }
         inside = {path.stem for path in package.iterdir() if path.suffix == ".py" or path.is_dir()}
         assert not inside & (defined | set(getattr(loaded, "__all__", ()))), package
 
 
 def test_no_class_has_the_name_of_another_and_no_private_name_is_taken():
-    """A name for one thing: neither two classes of one name nor, from another file, what begins with an underline."""
+    """A name for one thing: neither two classes of one name nor, from another file, what begins
+    with an underline.
+    """
     where: dict[str, list[str]] = {}
     for module in MODULES:
         for node in syntax_of(module).body:

@@ -1,4 +1,6 @@
-"""Accepted numbers: what moved is named with by how much, and what they were made from is named key by key."""
+"""Accepted numbers: what moved is named with by how much, and what they were made from is named key
+by key.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from .tolerances import DENSE
 @pytest.fixture
 def accepted(project, monkeypatch, tmp_path):
     """The baseline of a stage for one quick question."""
-    monkeypatch.setattr(baselines, "QUESTIONS", {"paper": lambda stage: stiffness(stage, models="analytic")})
+    monkeypatch.setattr(
+        baselines, "QUESTIONS", {"paper": lambda stage: stiffness(stage, models="analytic")}
+    )
     path = project.path("geometry/mobility6.toml")
     (made,) = baseline(path, reason="first", baselines=tmp_path / "kept")
     return path, made
@@ -68,10 +72,16 @@ def test_what_is_no_baseline_is_refused_in_one_line(content, tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda numbers: numbers.update({KEY: [numbers[KEY][0] * (1 + 1e-3)]}), [f"paper.{KEY} was ", "moved -0.0"]),
+        (
+            lambda numbers: numbers.update({KEY: [numbers[KEY][0] * (1 + 1e-3)]}),
+            [f"paper.{KEY} was ", "moved -0.0"],
+        ),
         (lambda numbers: numbers.update(of_old=[1.0]), ["paper.of_old is gone, was 1"]),
         (lambda numbers: numbers.pop(KEY), [f"paper.{KEY} is new: "]),
-        (lambda numbers: numbers[KEY].append(0.5), ["paper.stiffness: its bands appeared or disappeared"]),
+        (
+            lambda numbers: numbers[KEY].append(0.5),
+            ["paper.stiffness: its bands appeared or disappeared"],
+        ),
     ],
 )
 def test_what_moved_came_or_went_is_named(accepted, change, said):
@@ -87,8 +97,13 @@ def test_a_changed_input_is_named_key_by_key_and_no_number_is_compared(accepted,
     (said,) = check(made)
     assert "thickness_mm was 10.0, is 11.0" in said and "the input changed" in said
     found = inputs_of(project.path("cases/fig5.toml"))
-    assert "../geometry/mobility3.toml" in found and "thickness_mm" in found["../geometry/mobility3.toml"]
-    named = project.edit("geometry/mobility6.toml", ('name = "mobility six, reference"', 'name = "mobility6.toml"'))
+    assert (
+        "../geometry/mobility3.toml" in found
+        and "thickness_mm" in found["../geometry/mobility3.toml"]
+    )
+    named = project.edit(
+        "geometry/mobility6.toml", ('name = "mobility six, reference"', 'name = "mobility6.toml"')
+    )
     assert list(inputs_of(named)) == ["mobility6.toml"]
 
 
@@ -103,24 +118,40 @@ def test_a_kept_mesh_that_is_not_of_the_stage_is_refused(accepted):
         kept(stage, path, made.parent)
 
 
-def test_a_thousandth_in_a_hinge_or_in_the_modulus_moves_the_numbers_of_a_mechanism(project, monkeypatch, tmp_path):
-    monkeypatch.setattr(baselines, "QUESTIONS", {"rest": lambda plate: stiffness(plate, models="analytic")})
+def test_a_thousandth_in_a_hinge_or_in_the_modulus_moves_the_numbers_of_a_mechanism(
+    project, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(
+        baselines, "QUESTIONS", {"rest": lambda plate: stiffness(plate, models="analytic")}
+    )
     monkeypatch.setattr(baselines, "OF_MECHANISMS", {})
-    (made,) = baseline(project.path("geometry/parallelogram.toml"), reason="first", baselines=tmp_path / "kept")
-    assert check(made) == [] and read(made)["kind"] == "mechanism" and list(made.parent.glob("parallelogram-*.npz"))
+    (made,) = baseline(
+        project.path("geometry/parallelogram.toml"), reason="first", baselines=tmp_path / "kept"
+    )
+    assert (
+        check(made) == []
+        and read(made)["kind"] == "mechanism"
+        and list(made.parent.glob("parallelogram-*.npz"))
+    )
 
     def softer(*profile_and_plate):
         return 1.001 * hinge_compliance_of(*profile_and_plate)
 
     def stiffer(layout, layers=None, mesh=None):
-        return plate_of_layout(layout._replace(youngs_modulus=1.001 * layout.youngs_modulus), layers, mesh)
+        return plate_of_layout(
+            layout._replace(youngs_modulus=1.001 * layout.youngs_modulus), layers, mesh
+        )
 
     with monkeypatch.context() as planted:
         planted.setattr("flexfem.analytic.plates.hinge_compliance_of", softer)
         said = check(made)
     (line,) = (each for each in said if "rest.stiffness.analytic.theta.theta was" in each)
-    before, after = (float(line.split(word)[1].replace(",", "").split()[0]) for word in ("was ", "is "))
-    assert after / before == pytest.approx(1 / 1.001, rel=DENSE) and all(": rest." in each for each in said)
+    before, after = (
+        float(line.split(word)[1].replace(",", "").split()[0]) for word in ("was ", "is ")
+    )
+    assert after / before == pytest.approx(1 / 1.001, rel=DENSE) and all(
+        ": rest." in each for each in said
+    )
     with monkeypatch.context() as planted:
         planted.setattr("flexfem.fem.ports.plate_of_layout", stiffer)
         said = check(made)

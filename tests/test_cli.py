@@ -51,7 +51,11 @@ def test_every_option_has_a_help_text_and_every_command_a_summary(flexfem):
 @pytest.mark.parametrize("command", [[], ["stiffness"], ["study"], ["study", "run"], ["design"]])
 def test_h_is_help(flexfem, command):
     code, out, err = flexfem(*command, "-h")
-    assert (code, err) == (0, "") and out.startswith("Usage: ") and out == flexfem(*command, "--help")[1]
+    assert (
+        (code, err) == (0, "")
+        and out.startswith("Usage: ")
+        and out == flexfem(*command, "--help")[1]
+    )
 
 
 def test_every_make_target_that_a_page_names_exists():
@@ -59,7 +63,11 @@ def test_every_make_target_that_a_page_names_exists():
     targets = re.findall(r"^([a-z-]+):", makefile, re.MULTILINE)
     assert targets[0] == "install"  # what plain make does
     pages = [*ROOT.glob("*.md"), *ROOT.glob("*/*.md"), ROOT / "pyproject.toml", ROOT / "Makefile"]
-    named = {name for page in pages for name in re.findall(r"(?:`|    )make ([a-z][a-z-]+)", page.read_text())}
+    named = {
+        name
+        for page in pages
+        for name in re.findall(r"(?:`|    )make ([a-z][a-z-]+)", page.read_text())
+    }
     assert {"test-all", "reproduce-figures"} <= named <= set(targets)
 
 
@@ -76,18 +84,30 @@ def test_written_meshes_hold_the_whole_stage(flexfem, suffix, tmp_path):
         return
     mesh = meshio.read(path)
     assert len(mesh.points) == facts["nodes"]
-    assert sum(len(block.data) for block in mesh.cells if block.type == "triangle6") == facts["triangles"]
+    assert (
+        sum(len(block.data) for block in mesh.cells if block.type == "triangle6")
+        == facts["triangles"]
+    )
     if suffix == ".msh":
         assert set(mesh.field_data) == {"stage", "ground", "hub"}
         groups = zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True)
-        (hub,) = (block.data[tags == mesh.field_data["hub"][0]] for block, tags in groups if block.type == "line3")
-        np.testing.assert_allclose(np.hypot(*mesh.points[hub].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9)
+        (hub,) = (
+            block.data[tags == mesh.field_data["hub"][0]]
+            for block, tags in groups
+            if block.type == "line3"
+        )
+        np.testing.assert_allclose(
+            np.hypot(*mesh.points[hub].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9
+        )
 
 
 def test_groups_of_a_mesh_can_be_read_whatever_the_names_of_the_parts(flexfem, tmp_path):
     """Names end at quotes, backslashes begin escapes, and readers take at most 128 bytes."""
-    text, long = (ROOT / "geometry/parallelogram.toml").read_text(), 150 * "\u4e2d"
-    text = text.replace('"stage"', json.dumps(f"{long}1")).replace('"ground"', json.dumps(f"{long}2"))
+    text = (ROOT / "geometry/parallelogram.toml").read_text()
+    long = 150 * "\u4e2d"
+    text = text.replace('"stage"', json.dumps(f"{long}1")).replace(
+        '"ground"', json.dumps(f"{long}2")
+    )
     text = text.replace('name = "leaf"', "name = 'a\"b\\'").replace('["leaf"]', "['a\"b\\']")
     (tmp_path / "odd.toml").write_text(text)
     machine(flexfem, "mesh", tmp_path / "odd.toml", "-o", tmp_path / "odd.msh", "--resolution", 2)
@@ -96,7 +116,9 @@ def test_groups_of_a_mesh_can_be_read_whatever_the_names_of_the_parts(flexfem, t
     assert list(groups) == [clipped, f"{clipped} 2", "hinge a'b/", "hinge a'b/ 2"]
 
 
-def test_an_output_that_names_a_file_is_that_picture_or_refused_as_a_folder(flexfem, tmp_path, monkeypatch):
+def test_an_output_that_names_a_file_is_that_picture_or_refused_as_a_folder(
+    flexfem, tmp_path, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     guide = ROOT / "geometry/parallelogram.toml"
     assert machine(flexfem, "view", guide, "-o", "picture.png")["written"] == ["picture.png"]
@@ -111,7 +133,10 @@ def test_an_output_that_names_a_file_is_that_picture_or_refused_as_a_folder(flex
     ):
         code, out, err = flexfem(*arguments)
         (name,) = {"k.csv", "new/k.json", "k.json", "k.pdf"} & set(arguments)
-        said = "the name of a file, expected the name of a folder: the files in it are named after the input"
+        said = (
+            "the name of a file, expected the name of a folder: the files in it are named after "
+            "the input"
+        )
         assert (code, out, err) == (2, "", f"flexfem: {name}: {said}\n")
     assert {each.name for each in tmp_path.iterdir() if each.is_file()} == {"picture.png"}
     assert not any(each.suffix for each in tmp_path.iterdir() if each.is_dir())
@@ -126,12 +151,19 @@ def test_a_character_without_a_glyph_is_said_once_on_one_line(flexfem, tmp_path)
     assert (code, err) == (0, said)
 
 
-def test_an_exception_of_the_users_file_that_cannot_be_printed_is_one_line(flexfem, tmp_path, monkeypatch):
+def test_an_exception_of_the_users_file_that_cannot_be_printed_is_one_line(
+    flexfem, tmp_path, monkeypatch
+):
     monkeypatch.setenv(sources.WITH, "")
     own = tmp_path / "own.py"
-    own.write_text("class Odd(Exception):\n    def __str__(self):\n        raise ValueError\n\n\nraise Odd\n")
+    own.write_text(
+        "class Odd(Exception):\n    def __str__(self):\n        raise ValueError\n\n\nraise Odd\n"
+    )
     code, _, err = flexfem("--with", own, "check", STAGE)
-    said = "Odd: an exception without a printable text, expected Python that registers formulas or materials"
+    said = (
+        "Odd: an exception without a printable text, expected Python that registers formulas or "
+        "materials"
+    )
     assert (code, err) == (2, f"flexfem: {own}, line 6: {said}\n")
 
 
@@ -149,25 +181,46 @@ def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
 @pytest.mark.parametrize(
     ("question", "with_units", "plain"),
     [
-        ("stiffness", ["--displacement", "100um", "-5e4nm", "2mrad"], ["--displacement", 0.1, -0.05, 0.002]),
+        (
+            "stiffness",
+            ["--displacement", "100um", "-5e4nm", "2mrad"],
+            ["--displacement", 0.1, -0.05, 0.002],
+        ),
         ("stiffness", ["--force", "2N", "-3mN", "0.03Nm"], ["--force", 2, -0.003, 30]),
         ("drive", ["--pose", "5 \u03bcm", "0", "-0.1mrad"], ["--pose", 0.005, 0, -0.0001]),
         ("modes", ["--payload", "100g", "3e-6 kg m²"], ["--payload", 0.1, 3]),
         ("gravity", ["--angle", "-60°", "--payload", "20g"], ["--angle", -60, "--payload", 0.02]),
     ],
 )
-def test_a_number_with_its_unit_is_the_number_in_the_usual_unit(flexfem, question, with_units, plain):
-    one, other = (machine(flexfem, question, STAGE, "--models", "analytic", *each) for each in (with_units, plain))
+def test_a_number_with_its_unit_is_the_number_in_the_usual_unit(
+    flexfem, question, with_units, plain
+):
+    one, other = (
+        machine(flexfem, question, STAGE, "--models", "analytic", *each)
+        for each in (with_units, plain)
+    )
     assert one["quantities"] == other["quantities"]
 
 
 def test_a_new_stage_is_the_reference_stage_with_every_number_assumed(flexfem):
     said = machine(flexfem, "new", HOSTILE, "--case", "--study")
     stem = HOSTILE.removesuffix(".toml")
-    assert said["written"] == [HOSTILE, f"{stem}-case.toml", f"{stem}-study.toml"] == sorted(os.listdir(), key=len)
+    assert (
+        said["written"]
+        == [HOSTILE, f"{stem}-case.toml", f"{stem}-study.toml"]
+        == sorted(os.listdir(), key=len)
+    )
     made, shipped = (load_feasible(path) for path in (HOSTILE, ROOT / "geometry/mobility6.toml"))
-    assert made.hash == shipped.hash and made.drive_hash == shipped.drive_hash and made.heat_hash == shipped.heat_hash
-    assert made.name == "my stage" and made.not_stated == () and set(made.assumed) >= set(shipped.assumed)
+    assert (
+        made.hash == shipped.hash
+        and made.drive_hash == shipped.drive_hash
+        and made.heat_hash == shipped.heat_hash
+    )
+    assert (
+        made.name == "my stage"
+        and made.not_stated == ()
+        and set(made.assumed) >= set(shipped.assumed)
+    )
     case = LoadedCase(Path(said["written"][1]))
     assert [each.hash for each in case.stages.values()] == [made.hash] * 2
     assert said["commands"][-1] == f"flexfem study run '{stem}-study.toml'"
@@ -183,7 +236,9 @@ def test_view_says_where_the_picture_is(flexfem, monkeypatch):
 
 
 def test_names_with_markup_are_printed_as_they_are(flexfem, project):
-    path = project.edit("geometry/mobility6.toml", ('name = "mobility six, reference"', 'name = "[red]x[/b] $y$"'))
+    path = project.edit(
+        "geometry/mobility6.toml", ('name = "mobility six, reference"', 'name = "[red]x[/b] $y$"')
+    )
     for command in (["check", path], ["stiffness", path, "--models", "analytic"]):
         code, out, _ = flexfem(*command)
         assert code == 0 and "[red]x[/b] $y$" in out
@@ -192,11 +247,17 @@ def test_names_with_markup_are_printed_as_they_are(flexfem, project):
 @pytest.mark.parametrize("name", ["mobility6", "bridge-amplifier"])
 def test_drift_says_first_that_the_coefficient_of_the_frame_is_missing(flexfem, name):
     text = (ROOT / f"geometry/{name}.toml").read_text()
-    Path("bare.toml").write_text(re.sub(r'^\[frame\].*\n.*\n|^"frame\..*\n', "", text, flags=re.MULTILINE))
+    Path("bare.toml").write_text(
+        re.sub(r'^\[frame\].*\n.*\n|^"frame\..*\n', "", text, flags=re.MULTILINE)
+    )
     code, out, _ = flexfem("drift", "bare.toml", "--models", "analytic")
     first, *others = out.splitlines()
-    assert code == 0 and first.startswith("warning: frame.expansion_um_per_m_k is not stated: the frame is assumed")
-    assert "under [frame], for example 12" in first and not any("is not stated: the frame" in line for line in others)
+    assert code == 0 and first.startswith(
+        "warning: frame.expansion_um_per_m_k is not stated: the frame is assumed"
+    )
+    assert "under [frame], for example 12" in first and not any(
+        "is not stated: the frame" in line for line in others
+    )
 
 
 # refusals
@@ -221,7 +282,12 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
             path.unlink()
         code, out, err = flexfem("check", path)
         assert (code, out) == (2, ""), name
-        assert err.count("\n") == 1 and err.startswith("flexfem: ") and path.name in err and said in err, (name, err)
+        assert (
+            err.count("\n") == 1
+            and err.startswith("flexfem: ")
+            and path.name in err
+            and said in err
+        ), (name, err)
     assert list(Path.cwd().iterdir()) == []
 
 
@@ -229,36 +295,81 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
     ("arguments", "said"),
     [
         (["stiffness", STAGE, "--force", "one", "0", "0"], "'--force'"),
-        (["stiffness", STAGE, "--displacement", "0", "0", "2mm"], "'--displacement': 2mm, expected a number in rad,"),
-        (["stiffness", STAGE, "--force", "0", "0", "2N"], "or a number with its unit: Nm, Nmm, mNm, uNm"),
-        (["stiffness", STAGE, "--displacement", "0", "200", "0"], "y = 200 mm, expected at most 132 mm, the size of"),
-        (["drive", STAGE, "--pose", "0", "0", "2"], "theta = 2 rad, expected at most 1 rad; write 2mrad"),
+        (
+            ["stiffness", STAGE, "--displacement", "0", "0", "2mm"],
+            "'--displacement': 2mm, expected a number in rad,",
+        ),
+        (
+            ["stiffness", STAGE, "--force", "0", "0", "2N"],
+            "or a number with its unit: Nm, Nmm, mNm, uNm",
+        ),
+        (
+            ["stiffness", STAGE, "--displacement", "0", "200", "0"],
+            "y = 200 mm, expected at most 132 mm, the size of",
+        ),
+        (
+            ["drive", STAGE, "--pose", "0", "0", "2"],
+            "theta = 2 rad, expected at most 1 rad; write 2mrad",
+        ),
         (["large", STAGE, "--amplitude", "500"], "amplitude = 500 mm, expected at most 132 mm"),
         (["gravity", STAGE, "--angle", "90mm"], "'--angle': 90mm, expected a number in deg"),
-        (["stiffness", STAGE, "--mobility", "six"], "'--mobility': six, expected a valid integer (see"),
+        (
+            ["stiffness", STAGE, "--mobility", "six"],
+            "'--mobility': six, expected a valid integer (see",
+        ),
         (["stiffness", STAGE, "--formla", "koster"], "--formula"),
         (["stiffness", STAGE, "no.toml"], "no.toml"),
         (["stiffness"], "'STAGE'"),
         (["stifness", STAGE], "Did you mean 'stiffness'?"),
-        (["summary", STAGE, "--models", "none"], "'--models': none, expected one of 'both', 'analytic', 'elements'"),
-        (["drive", STAGE, "--models", "elements"], "'--models': elements, expected one of 'both', 'analytic' (see"),
-        (["design", "none.toml", "--workers", "0"], "'--workers': 0, expected a number greater than or equal to 1"),
+        (
+            ["summary", STAGE, "--models", "none"],
+            "'--models': none, expected one of 'both', 'analytic', 'elements'",
+        ),
+        (
+            ["drive", STAGE, "--models", "elements"],
+            "'--models': elements, expected one of 'both', 'analytic' (see",
+        ),
+        (
+            ["design", "none.toml", "--workers", "0"],
+            "'--workers': 0, expected a number greater than or equal to 1",
+        ),
         (["life", STAGE], "'--amplitude'"),
-        (["converge", STAGE, "--resolutions", "2", "4"], "resolutions [2, 4], expected three or more"),
+        (
+            ["converge", STAGE, "--resolutions", "2", "4"],
+            "resolutions [2, 4], expected three or more",
+        ),
         (["mesh", STAGE, "-o", "stage.stl"], "stage.stl"),
         (["mesh", STAGE, "-o", "none/stage.msh"], "no folder none"),
         (["verify", STAGE], "expected a case file"),
         (["study", "rn"], "Did you mean 'run'?"),
         (["--bogus"], "--bogus"),
-        (["stiffness", STAGE, "--layers", "3"], "--layers: this option is now: --solid with --thickness-resolution N"),
-        (["modes", STAGE, "--layers=4"], "--layers: this option is now: --solid with --thickness-resolution N"),
-        (["verify", ROOT / "cases/fig6.toml", "--solid"], "solid is for mechanisms, expected model ="),
+        (
+            ["stiffness", STAGE, "--layers", "3"],
+            "--layers: this option is now: --solid with --thickness-resolution N",
+        ),
+        (
+            ["modes", STAGE, "--layers=4"],
+            "--layers: this option is now: --solid with --thickness-resolution N",
+        ),
+        (
+            ["verify", ROOT / "cases/fig6.toml", "--solid"],
+            "solid is for mechanisms, expected model =",
+        ),
         (["solve", STAGE], "this command is now: flexfem stiffness --models elements"),
-        (["--with", "pipe.py", "check", STAGE], "pipe.py: a directory, pipe, socket or device, expected a Python file"),
-        (["--install-completion", "nosh"], "--install-completion nosh: expected no argument after it"),
+        (
+            ["--with", "pipe.py", "check", STAGE],
+            "pipe.py: a directory, pipe, socket or device, expected a Python file",
+        ),
+        (
+            ["--install-completion", "nosh"],
+            "--install-completion nosh: expected no argument after it",
+        ),
         (["drift", STAGE, "-o", STAGE], "is a file, expected a folder"),
         (["check", STAGE, "-o", "new"], "no such option: -o"),
-        (["new", "there.toml"], "there.toml: exists, expected the name of a new file; nothing is written"),
+        (
+            ["new", "there.toml"],
+            "there.toml: exists, expected the name of a new file; nothing is written",
+        ),
         (["new", "there", "--case"], "there: expected a file name that ends in .toml"),
         (["new", "fresh.toml", "--study"], "fresh-study.toml: exists"),
         (["new", "link.toml"], "link.toml: exists"),
@@ -269,7 +380,10 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         (["new", f"{300 * 'x'}.toml"], "cannot be written: File name too long"),
         (["new"], "missing argument 'FILE'"),
         (["export", "there.toml"], "missing option '--output'"),
-        (["export", "there.toml", "-o", "part.dxf", "--kerf", "nan"], "kerf nan, expected a number from 0.01"),
+        (
+            ["export", "there.toml", "-o", "part.dxf", "--kerf", "nan"],
+            "kerf nan, expected a number from 0.01",
+        ),
         (["export", "none.toml", "-o", "part.dxf"], "none.toml: no such file"),
         (["view", "none.toml"], "none.toml: no such file"),
         (["view", "fresh-study.toml"], "fresh-study.toml: name, thickness_mm"),
@@ -277,7 +391,9 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         (["export", "fresh-study.toml", "-o", "part.dxf"], "fresh-study.toml"),
     ],
 )
-def test_what_is_wrong_or_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(flexfem, arguments, said):
+def test_what_is_wrong_or_cannot_be_done_is_refused_in_one_line_and_nothing_is_written(
+    flexfem, arguments, said
+):
     Path("there.toml").write_text((ROOT / "geometry/mobility6.toml").read_text())
     Path("fresh-study.toml").write_text("")
     Path("link.toml").symlink_to("nowhere")
@@ -285,19 +401,31 @@ def test_what_is_wrong_or_cannot_be_done_is_refused_in_one_line_and_nothing_is_w
     os.mkfifo("pipe.py")
     before = sorted(os.listdir())
     code, out, err = flexfem(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("flexfem: ") and said in err, err
+    assert (
+        (code, out, err.count("\n")) == (2, "", 1) and err.startswith("flexfem: ") and said in err
+    ), err
     assert sorted(os.listdir()) == before
 
 
-@pytest.mark.parametrize("given", ["geometry/mobilty6.toml", "geometry/mobility6", "geometry/mobility-6.tml"])
+@pytest.mark.parametrize(
+    "given", ["geometry/mobilty6.toml", "geometry/mobility6", "geometry/mobility-6.tml"]
+)
 def test_a_file_that_does_not_exist_is_refused_with_the_nearest_name(flexfem, given):
     Path("geometry").mkdir()
     for name in ("mobility6.toml", "mobility6.png", "mobility6.csv", "pivot.toml"):
         Path("geometry", name).touch()
     said = f"flexfem: {given}: no such file, did you mean geometry/mobility6.toml?\n"
     assert flexfem("check", given) == (2, "", said)
-    assert flexfem("check", "geometry/rhombus.toml") == (2, "", "flexfem: geometry/rhombus.toml: no such file\n")
-    assert flexfem("check", "nowhere/pivot.toml") == (2, "", "flexfem: nowhere/pivot.toml: no such file\n")
+    assert flexfem("check", "geometry/rhombus.toml") == (
+        2,
+        "",
+        "flexfem: geometry/rhombus.toml: no such file\n",
+    )
+    assert flexfem("check", "nowhere/pivot.toml") == (
+        2,
+        "",
+        "flexfem: nowhere/pivot.toml: no such file\n",
+    )
 
 
 KINDS = {
@@ -316,7 +444,9 @@ def test_a_file_of_another_kind_is_named_as_what_it_is(flexfem):
 
 
 def test_a_hinge_off_the_chart_is_named_with_file_and_line(flexfem, project):
-    path = project.edit("geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.05\nprismatic"))
+    path = project.edit(
+        "geometry/mobility6.toml", ("neck_mm = 0.5\nprismatic", "neck_mm = 0.05\nprismatic")
+    )
     code, out, err = flexfem("stiffness", path, "--formula", "calibrated")
     assert (code, out) == (2, "") and "mobility6.toml, line 22: hinges.base.neck_mm = 0.05" in err
 
@@ -335,8 +465,12 @@ def test_a_hinge_off_the_chart_is_named_with_file_and_line(flexfem, project):
         (["view", "s.toml", "-o", "out"], "out/s-drawing.png", "s.toml"),
     ],
 )
-def test_no_command_writes_over_a_file_that_it_has_read(flexfem, monkeypatch, command, target, read):
-    """By a hard link: exit code 2, one line that names both, and all is as it was; also of a file read by --with."""
+def test_no_command_writes_over_a_file_that_it_has_read(
+    flexfem, monkeypatch, command, target, read
+):
+    """By a hard link: exit code 2, one line that names both, and all is as it was; also of a file
+    read by --with.
+    """
     constants = "fatigue_strength_coefficient_mpa = 900.0\nfatigue_strength_exponent = -0.1\n"
     Path("s.toml").write_text(Path(STAGE).read_text().replace("\n[chain]", f"{constants}\n[chain]"))
     Path("own.py").write_text('import pathlib\npathlib.Path("data.txt").read_text()\n')
@@ -358,5 +492,9 @@ def test_a_table_that_is_too_wide_has_narrow_gaps_or_parts_of_equal_size():
         rows = [["x", *["9" * cell] * count]]
         print_tables(out, [TextTable(["row", *"abcde"[:count]], rows, 1)], 60)
     said = [line.split() for line in out.file.getvalue().splitlines() if line]
-    assert [row for row in said if row[0] == "row"] == [["row", "a", "b", "c"], ["row", "a", "b"], ["row", "c", "d"]]
+    assert [row for row in said if row[0] == "row"] == [
+        ["row", "a", "b", "c"],
+        ["row", "a", "b"],
+        ["row", "c", "d"],
+    ]
     assert max(map(len, out.file.getvalue().splitlines())) <= 60

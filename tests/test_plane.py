@@ -1,4 +1,6 @@
-"""The stage's own choice of plane problem, through both models: plane stress, plane strain, corrected for thickness."""
+"""The stage's own choice of plane problem, through both models: plane stress, plane strain,
+corrected for thickness.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ def test_the_analytic_model_is_stiffer_in_plane_strain_by_the_sheet_modulus_of_i
 
 
 def test_both_models_take_plane_strain_alike():
-    """The calibrated analytic model is as near to the finite elements in plane strain as in plane stress."""
+    """The calibrated analytic model is as near to the finite elements in plane strain as in plane
+    stress.
+    """
     near = 3e-3  # 1.0e-3 in x, y and 1.5e-3 in theta in plane stress, and the mesh of resolution 6
     for model in ("plane_stress", "plane_strain"):
         solved = np.diag(solve_stage(of(model), 6).compliance)
@@ -43,9 +47,14 @@ def test_both_models_take_plane_strain_alike():
 
 
 def test_under_one_load_necks_in_plane_strain_have_the_von_mises_stress_of_a_held_uniaxial_one():
-    """The load fixes the stress in the plane; at a neck's edge it is uniaxial, and zz = nu xx in plane strain."""
-    uneven = 2e-2  # in-plane stress depends on the constants through the links alone, and nodal averages on the mesh
-    mesh, force = build_mesh(of("plane_strain"), 4), np.array([3.0, -2.0, 40.0])
+    """The load fixes the stress in the plane; at a neck's edge it is uniaxial, and zz = nu xx in
+    plane strain.
+    """
+    # in-plane stress depends on the constants through the links alone, and nodal averages on the
+    # mesh
+    uneven = 2e-2
+    mesh = build_mesh(of("plane_strain"), 4)
+    force = np.array([3.0, -2.0, 40.0])
     stress, strain = (
         neck_stresses(stage, platform_response(mesh, plate_of(stage)), force[None]).highest
         for stage in (of("plane_stress"), of("plane_strain"))
@@ -55,7 +64,8 @@ def test_under_one_load_necks_in_plane_strain_have_the_von_mises_stress_of_a_hel
 
 def test_a_corrected_stage_multiplies_its_hinges_by_the_thickness_chart_and_leaves_its_links():
     stage = of("corrected")
-    plain, found = hinge_compliance(of("plane_stress"), "koster"), hinge_compliance(stage, "koster")
+    plain = hinge_compliance(of("plane_stress"), "koster")
+    found = hinge_compliance(stage, "koster")
     expected = factors(stage.array("radius"), stage.array("neck"), stage.thickness, 0.29)
     for one, other, factor in zip(plain, found, expected, strict=True):
         np.testing.assert_allclose(other, one * factor, rtol=ROUND_OFF)
@@ -64,16 +74,23 @@ def test_a_corrected_stage_multiplies_its_hinges_by_the_thickness_chart_and_leav
 
 def test_plane_stress_is_the_default_and_leaves_the_hash_while_the_others_change_it():
     unsaid = tomllib.loads(PATH.read_text())
-    assert Stage.model_validate({**unsaid, "model": "plane_stress"}).hash == Stage.model_validate(unsaid).hash
+    assert (
+        Stage.model_validate({**unsaid, "model": "plane_stress"}).hash
+        == Stage.model_validate(unsaid).hash
+    )
     assert len({of(model).hash for model in ("plane_stress", "plane_strain", "corrected")}) == 3
 
 
 def test_finite_elements_refuse_a_corrected_stage_in_one_line():
-    with pytest.raises(BadInput, match=r'^model = "corrected".*expected "plane_stress" or "plane_strain"'):
+    with pytest.raises(
+        BadInput, match=r'^model = "corrected".*expected "plane_stress" or "plane_strain"'
+    ):
         solve_stage(of("corrected"), 4)
 
 
 def test_a_corrected_stage_off_the_thickness_chart_names_the_hinge():
     thin = of("corrected").model_copy(update={"thickness": 0.2})
-    with pytest.raises(BadInput, match=r"^hinges\.base\.neck_mm = 0\.5: .*thickness chart.*b/t = 0\.4"):
+    with pytest.raises(
+        BadInput, match=r"^hinges\.base\.neck_mm = 0\.5: .*thickness chart.*b/t = 0\.4"
+    ):
         hinge_compliance(thin)

@@ -1,4 +1,6 @@
-"""What is given away: wheel and source distribution, citation, the workflow of continuous integration, the image."""
+"""What is given away: wheel and source distribution, citation, the workflow of continuous
+integration, the image.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,13 @@ import pytest
 import flexfem
 
 ROOT = Path(__file__).parents[1]
-DATA = {"hinge_chart.json", "hinge_chart_high.json", "thickness_chart.json", "materials.toml", "stacks.toml"} | {
-    f"new-{kind}.toml" for kind in ("stage", "case", "study")
-}
+DATA = {
+    "hinge_chart.json",
+    "hinge_chart_high.json",
+    "thickness_chart.json",
+    "materials.toml",
+    "stacks.toml",
+} | {f"new-{kind}.toml" for kind in ("stage", "case", "study")}
 EPOCH = "1577836800"  # 2020-01-01, as the time of all that is packed
 
 
@@ -35,7 +41,9 @@ class Built(NamedTuple):
 
 def run(*command: object, cwd: Path, **environment: str) -> str:
     where = {"cwd": cwd, "env": {**os.environ, "PYTHONPATH": "", **environment}}
-    done = subprocess.run([*map(str, command)], **where, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(
+        [*map(str, command)], **where, capture_output=True, text=True, timeout=600
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -43,7 +51,9 @@ def run(*command: object, cwd: Path, **environment: str) -> str:
 def kept() -> set[str]:
     """Files that git keeps; of a source distribution, where it keeps none, all there are."""
     if (ROOT / ".git").exists():
-        names = run("git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT).splitlines()
+        names = run(
+            "git", "ls-files", "--cached", "--others", "--exclude-standard", cwd=ROOT
+        ).splitlines()
         return {name for name in names if (ROOT / name).is_file()}
     return {path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*") if path.is_file()}
 
@@ -55,7 +65,16 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     for name in kept():
         (folder / "tree" / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, folder / "tree" / name)
-    run(sys.executable, "-m", "build", "--outdir", folder, folder / "tree", cwd=folder, SOURCE_DATE_EPOCH=EPOCH)
+    run(
+        sys.executable,
+        "-m",
+        "build",
+        "--outdir",
+        folder,
+        folder / "tree",
+        cwd=folder,
+        SOURCE_DATE_EPOCH=EPOCH,
+    )
     ((sdist,), (wheel,)) = (list(folder.glob(pattern)) for pattern in ("*.tar.gz", "*.whl"))
     with tarfile.open(sdist) as packed:
         packed.extractall(folder, filter="data")
@@ -64,8 +83,16 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
 
 @pytest.mark.slow
 def test_a_source_distribution_holds_what_git_keeps(built):
-    inside = {path.relative_to(built.source).as_posix() for path in built.source.rglob("*") if path.is_file()}
-    added = {name for name in inside if re.match(r"PKG-INFO$|setup\.cfg$|flexfem\.egg-info/|MANIFEST\.in$", name)}
+    inside = {
+        path.relative_to(built.source).as_posix()
+        for path in built.source.rglob("*")
+        if path.is_file()
+    }
+    added = {
+        name
+        for name in inside
+        if re.match(r"PKG-INFO$|setup\.cfg$|flexfem\.egg-info/|MANIFEST\.in$", name)
+    }
     assert inside - added == kept() - {"MANIFEST.in"}
 
 
@@ -96,12 +123,26 @@ COMMANDS = (
 
 @pytest.mark.slow
 def test_an_installed_wheel_runs_outside_the_repository(built, tmp_path):
-    """In an environment of its own, with the libraries of this one; the program is what pip installed."""
+    """In an environment of its own, with the libraries of this one; the program is what pip
+    installed.
+    """
     run(sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv", cwd=tmp_path)
     (python,) = (tmp_path / "venv").glob("*/python")
-    packages = run(python, "-c", "import site; print(site.getsitepackages()[0])", cwd=tmp_path).strip()
+    packages = run(
+        python, "-c", "import site; print(site.getsitepackages()[0])", cwd=tmp_path
+    ).strip()
     quiet = ("--quiet", "--disable-pip-version-check", "--no-deps", "--no-index")
-    run(sys.executable, "-m", "pip", "--python", python, "install", *quiet, built.wheel, cwd=tmp_path)
+    run(
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        python,
+        "install",
+        *quiet,
+        built.wheel,
+        cwd=tmp_path,
+    )
     (Path(packages) / "libraries.pth").write_text("\n".join(site.getsitepackages()))
     (tmp_path / "empty").mkdir()
     program = python.parent / "flexfem"
@@ -109,7 +150,12 @@ def test_an_installed_wheel_runs_outside_the_repository(built, tmp_path):
     for arguments, expected in COMMANDS:
         if f"  {arguments.split()[0]} " in listed:
             assert expected in run(program, *arguments.split(), cwd=tmp_path / "empty"), arguments
-    where = run(python, "-c", "import flexfem; print(flexfem.__file__, flexfem.__version__)", cwd=tmp_path / "empty")
+    where = run(
+        python,
+        "-c",
+        "import flexfem; print(flexfem.__file__, flexfem.__version__)",
+        cwd=tmp_path / "empty",
+    )
     assert where.startswith(packages) and where.split()[1] == flexfem.__version__
 
 
@@ -122,7 +168,9 @@ def test_the_version_stands_in_one_place():
 
 
 def test_the_image_and_the_workflow_install_what_gmsh_needs():
-    """The image by itself, the workflow through `.ci/run`: every Debian package that is named when one is missing."""
+    """The image by itself, the workflow through `.ci/run`: every Debian package that is named when
+    one is missing.
+    """
     from flexfem.fem.mesher import LIBRARIES
 
     for name in ("Dockerfile", ".ci/run"):
@@ -130,5 +178,8 @@ def test_the_image_and_the_workflow_install_what_gmsh_needs():
     assert "run: .ci/run" in (ROOT / ".github/workflows/ci.yml").read_text()
     image = (ROOT / "Dockerfile").read_text()
     assert 'CMD ["make", "reproduce-figures"]' in image
-    assert tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"] == ">=3.11"
+    assert (
+        tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
+        == ">=3.11"
+    )
     assert "FROM python:3.11-slim-bookworm" in image

@@ -26,7 +26,9 @@ class Trial(Result):
     main = ("pose", {})
     labels: ClassVar = {"case": ("cold", "very hot"), "model": ("analytic", "finite elements")}
     mass = Quantity("mass", "kg")
-    pose = Quantity("displacement", ("mm", "mm", "rad"), ("case", "model", "direction"), Gate(1e-3), "pose")
+    pose = Quantity(
+        "displacement", ("mm", "mm", "rad"), ("case", "model", "direction"), Gate(1e-3), "pose"
+    )
     stress = Quantity("stress", "mpa", ("case", "model", "hinge"), Gate(0.1))
 
 
@@ -38,7 +40,9 @@ BANDS = {"pose": [[[np.nan] * 3, [0.0003, np.nan, np.nan]], [[np.nan] * 3] * 2]}
 @pytest.fixture
 def found() -> Trial:
     about = About("a stage", "a.toml", "abc", ["thickness_mm"], [], 20.0)
-    return Trial(about, {"mass": 2e-3, "pose": POSE, "stress": STRESS}, BANDS, settings={"resolution": 8})
+    return Trial(
+        about, {"mass": 2e-3, "pose": POSE, "stress": STRESS}, BANDS, settings={"resolution": 8}
+    )
 
 
 def test_a_table_has_units_bands_differences_and_where_the_largest_is(found: Trial) -> None:
@@ -53,7 +57,8 @@ def test_a_table_has_units_bands_differences_and_where_the_largest_is(found: Tri
         ["", "finite elements", "", "0", "1 mrad"],
         ["", "difference (%)", "", "", "+100.00"],
     ]
-    cold, hot = "cold x 12.50 ± 0.30 um, y 20 um, theta 10 nrad", "very hot y 0, theta 1 mrad"
+    cold = "cold x 12.50 ± 0.30 um, y 20 um, theta 10 nrad"
+    hot = "very hot y 0, theta 1 mrad"
     assert found.answer() == f"displacement (finite elements): {cold}; {hot}"
     assert stress.head == ["case", "model", "stress (MPa)"]
     assert stress.rows[:3] == [
@@ -65,8 +70,10 @@ def test_a_table_has_units_bands_differences_and_where_the_largest_is(found: Tri
 
 def test_a_number_within_its_band_has_the_prefix_of_the_band(found: Trial) -> None:
     """40 pm in a band of 55 nm was printed as `0 ± 55000 pm`."""
-    pose, bands = np.array(POSE), np.array(BANDS["pose"])
-    pose[0, 1, 0], bands[0, 1, 0] = 4e-8, 5.5e-5
+    pose = np.array(POSE)
+    bands = np.array(BANDS["pose"])
+    pose[0, 1, 0] = 4e-8
+    bands[0, 1, 0] = 5.5e-5
     near_zero = Trial(found.about, {**found.internal.values, "pose": pose}, {"pose": bands})
     assert near_zero.tables()[1].rows[1][2] == "0 ± 55 nm"
 
@@ -77,10 +84,16 @@ class Share(Result):
 
 
 def test_a_table_has_no_empty_columns_and_no_percentage_of_round_off() -> None:
-    parts, bands = [[0.5, 0.0, np.nan], [2.0, 1e-9, np.nan]], [[0.1, 1e-8, np.nan], [0.1, 4e-3, np.nan]]
-    (table,) = Share(About("s"), {"part": parts}, {"part": bands}, {"model": ("one", "other")}).tables()
+    parts = [[0.5, 0.0, np.nan], [2.0, 1e-9, np.nan]]
+    bands = [[0.1, 1e-8, np.nan], [0.1, 4e-3, np.nan]]
+    (table,) = Share(
+        About("s"), {"part": parts}, {"part": bands}, {"model": ("one", "other")}
+    ).tables()
     assert table.head == ["model", "x (%)", "y (%)"]
-    assert [row[1:] for row in table.rows[:2]] == [["0.50 ± 0.10", "0"], ["2.00 ± 0.10", "0 ± 0.0040"]]
+    assert [row[1:] for row in table.rows[:2]] == [
+        ["0.50 ± 0.10", "0"],
+        ["2.00 ± 0.10", "0 ± 0.0040"],
+    ]
 
 
 def test_a_document_has_declared_units_and_reads_back(found: Trial, tmp_path: Path) -> None:
@@ -90,7 +103,11 @@ def test_a_document_has_declared_units_and_reads_back(found: Trial, tmp_path: Pa
     assert data["quantities"]["mass"]["values"] == pytest.approx(2.0)  # kg, of tonne inside
     assert data["quantities"]["pose"]["values"][1][1] == [None, 0.0, 0.001]
     again = Result.read(path)
-    assert isinstance(again, Trial) and again.settings == {"resolution": 8} and again.about.lever == 20.0
+    assert (
+        isinstance(again, Trial)
+        and again.settings == {"resolution": 8}
+        and again.about.lever == 20.0
+    )
     np.testing.assert_allclose(again.pose, found.pose)
     np.testing.assert_allclose(again.band("pose"), found.band("pose"))
     assert float(again.mass) == pytest.approx(2.0)
@@ -111,7 +128,9 @@ def test_labels_choose_parts_and_unknown_ones_are_refused(found: Trial) -> None:
     np.testing.assert_array_equal(found.at("stress", case="very hot", hinge="platform"), [3.0, 1.0])
     with pytest.raises(BadInput, match="case 'warm', expected one of: cold, very hot"):
         found.at("stress", case="warm")
-    with pytest.raises(BadInput, match=r"trial\.stres is not in this result, expected one of: mass, pose, stress"):
+    with pytest.raises(
+        BadInput, match=r"trial\.stres is not in this result, expected one of: mass, pose, stress"
+    ):
         found.band("stres")
 
 
@@ -122,23 +141,39 @@ def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
 
 
 NUMBERS = [
-    (12.50638, 0.0092, "12.5064 ± 0.0092"), (-1e-12, 0.1, "0 ± 0.10"), (3.14159265, np.nan, "3.1416"),
-    (7181.54, 3.9, "7181.5 ± 3.9"), (2107906.0, 1437.0, "2107900 ± 1400"), (2107906.0, np.nan, "2107900"),
-    (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"), (2.0, np.inf, "2 ± inf"), (291.674613, 5.8e-7, "291.6746"),
-    (-30.0, 410.0, "0 ± 410"), (3e-9, 6.1e-6, "0 ± 6.1e-6"), (50.0, 410.0, "50 ± 410"), (1.357e10, np.nan, "1.357e10"),
-    (2.4e-5, np.nan, "2.4e-5"), (1.1043e-5, 3.5e-8, "1.1043e-5 ± 3.5e-8"), (-0.0, np.nan, "0"),
-]  # fmt: skip
+    (12.50638, 0.0092, "12.5064 ± 0.0092"),
+    (-1e-12, 0.1, "0 ± 0.10"),
+    (3.14159265, np.nan, "3.1416"),
+    (7181.54, 3.9, "7181.5 ± 3.9"),
+    (2107906.0, 1437.0, "2107900 ± 1400"),
+    (2107906.0, np.nan, "2107900"),
+    (np.nan, 1.0, ""),
+    (np.inf, np.nan, "unlimited"),
+    (2.0, np.inf, "2 ± inf"),
+    (291.674613, 5.8e-7, "291.6746"),
+    (-30.0, 410.0, "0 ± 410"),
+    (3e-9, 6.1e-6, "0 ± 6.1e-6"),
+    (50.0, 410.0, "50 ± 410"),
+    (1.357e10, np.nan, "1.357e10"),
+    (2.4e-5, np.nan, "2.4e-5"),
+    (1.1043e-5, 3.5e-8, "1.1043e-5 ± 3.5e-8"),
+    (-0.0, np.nan, "0"),
+]
 
 
 @pytest.mark.parametrize(("value", "band", "text"), NUMBERS)
-def test_a_number_has_as_many_digits_as_its_band_carries(value: float, band: float, text: str) -> None:
+def test_a_number_has_as_many_digits_as_its_band_carries(
+    value: float, band: float, text: str
+) -> None:
     assert number(value, band) == text
 
 
 def test_a_notebook_shows_heading_main_result_tables_and_warnings_escaped(found: Trial) -> None:
     about = found.about._replace(name="<b>& stage")
     shown = Trial(about, *found.internal, found.axes, found.settings, ["t/R < 0.1"])._repr_html_()
-    root = ElementTree.fromstring(f"<div>{shown.replace('<br>', '<br/>')}</div>")  # XML: every element is closed
+    root = ElementTree.fromstring(
+        f"<div>{shown.replace('<br>', '<br/>')}</div>"
+    )  # XML: every element is closed
     texts = ["".join(each.itertext()) for each in root.iter()]
     assert f"<b>& stage: {found.title}; resolution 8" in texts and "Warning: t/R < 0.1" in texts
     cells = [[cell.text for cell in row] for row in root.iter("tr")]
@@ -148,12 +183,18 @@ def test_a_notebook_shows_heading_main_result_tables_and_warnings_escaped(found:
 def test_a_dataset_of_xarray_has_labels_declared_units_and_bands(found: Trial) -> None:
     pytest.importorskip("xarray")
     data = found.to_xarray()
-    assert float(data["mass"]) == pytest.approx(2.0) and data["mass"].attrs == {"meaning": "mass", "unit": "kg"}
+    assert float(data["mass"]) == pytest.approx(2.0) and data["mass"].attrs == {
+        "meaning": "mass",
+        "unit": "kg",
+    }
     here = {"case": "cold", "model": "finite elements", "direction": "x"}
     assert float(data["pose"].sel(here)) == 0.0125 and float(data["pose_band"].sel(here)) == 0.0003
     assert data["pose"].attrs["unit"] == "mm, mm, rad" and "stress_band" not in data
     assert data["stress"].sel(case="cold", model="analytic", hinge="elbow").item() == 5.0
-    with pytest.MonkeyPatch.context() as patched, pytest.raises(ImportError, match=r"^[^\n]*xarray[^\n]*$"):
+    with (
+        pytest.MonkeyPatch.context() as patched,
+        pytest.raises(ImportError, match=r"^[^\n]*xarray[^\n]*$"),
+    ):
         patched.setitem(sys.modules, "xarray", None)
         found.to_xarray()
 
@@ -171,14 +212,20 @@ class MechanismBent(Bent, mechanism=True):
     """The same of a mechanism."""
 
 
-def test_a_quantity_of_both_plates_has_chains_for_a_stage_and_points_and_a_wider_gate_for_a_mechanism() -> None:
+def test_a_quantity_of_both_plates_has_chains_for_a_stage_and_points_and_a_wider_gate_for_a_mechanism() -> (
+    None
+):
     assert Bent.of_mechanism is MechanismBent and [*Bent.quantities] == ["stress", "mass"]
-    assert [*MechanismBent.quantities] == ["stress", "input"] and Result.kinds["mechanism_bent"] is MechanismBent
+    assert [*MechanismBent.quantities] == ["stress", "input"] and Result.kinds[
+        "mechanism_bent"
+    ] is MechanismBent
     of_stage = Bent(About("s"), {"stress": np.ones((3, 3))})
     (largest,) = of_stage.tables()
     assert largest.rows == [["stress", "1 MPa\nbase, chain 1"]]
     axes = {"point": ("output", "tip"), "hinge": ("left", "right")}
-    of_mechanism = MechanismBent(About("m"), {"stress": [[1.0, 2.0], [3.0, 1.0]], "input": 4.0}, axes=axes)
+    of_mechanism = MechanismBent(
+        About("m"), {"stress": [[1.0, 2.0], [3.0, 1.0]], "input": 4.0}, axes=axes
+    )
     assert of_mechanism.at("stress", point="tip", hinge="left") == 3.0
     accepted = [{e.path: e for e in found.entries()} for found in (of_stage, of_mechanism)]
     assert accepted[0]["stress.chain_1.base"].accepted == pytest.approx(1.5e-5)
@@ -193,7 +240,9 @@ def test_a_range_is_printed_with_both_ends() -> None:
 
 
 def test_a_value_below_a_millionth_of_what_matters_is_zero_whatever_its_band():
-    """30 +- 230 prad beside 17 um: at a lever of 36 mm the rotation is 1 pm. 130 nrad, or 5 nm, is no round-off."""
+    """30 +- 230 prad beside 17 um: at a lever of 36 mm the rotation is 1 pm. 130 nrad, or 5 nm, is
+    no round-off.
+    """
     ends = np.array([[[[0.0, 0, 0]], [[17e-3, 0.02e-6, 30e-12]]]] * 2)
     band = np.array([[[[0.0, 0, 0]], [[1e-6, 0.4e-9, 230e-12]]]] * 2)
     about = About("one", lever=36.0)
@@ -201,9 +250,15 @@ def test_a_value_below_a_millionth_of_what_matters_is_zero_whatever_its_band():
     assert found.texts("ends", others="free", end="high", model="finite elements")[2] == "0"
     turned = ends + np.array([0, 0, 130e-9])
     found = MechanismReach(about, {"ends": turned}, {"ends": band}, {"model": ("finite elements",)})
-    assert found.texts("ends", others="free", end="high", model="finite elements")[2].startswith("130.03 ±")
-    far = MechanismReach(about._replace(lever=3.6e5), {"ends": ends}, {"ends": band}, {"model": ("finite elements",)})
-    assert far.texts("ends", others="free", end="high", model="finite elements")[2].startswith("30 ±")
+    assert found.texts("ends", others="free", end="high", model="finite elements")[2].startswith(
+        "130.03 ±"
+    )
+    far = MechanismReach(
+        about._replace(lever=3.6e5), {"ends": ends}, {"ends": band}, {"model": ("finite elements",)}
+    )
+    assert far.texts("ends", others="free", end="high", model="finite elements")[2].startswith(
+        "30 ±"
+    )
 
 
 def test_the_end_of_a_range_is_compared_with_the_other_end():

@@ -39,7 +39,9 @@ def test_what_the_theory_names_of_the_code_is_there():
 def test_every_public_name_is_documented_once_and_says_what_it_is():
     listed = re.findall(r"auto(?:function|class):: flexfem\.([\w.]+)", API)
     names = {*flexfem.__all__} - {"__version__"}
-    others = {name: f"{home}.{name}" for home, name in flexfem.OTHERS}  # imported from their modules
+    others = {
+        name: f"{home}.{name}" for home, name in flexfem.OTHERS
+    }  # imported from their modules
     assert sorted(listed) == sorted({*names, *others.values(), "study.table"})
     assert "automodule:: flexfem.plot\n" in API
     for name in {*names, *others}:
@@ -48,13 +50,18 @@ def test_every_public_name_is_documented_once_and_says_what_it_is():
 
 def blocks(page, language):
     """Code of a page in one language, block by block."""
-    return re.findall(rf"^```{language}\n(.*?)^```$", (ROOT / page).read_text(), re.MULTILINE | re.DOTALL)
+    return re.findall(
+        rf"^```{language}\n(.*?)^```$", (ROOT / page).read_text(), re.MULTILINE | re.DOTALL
+    )
 
 
 def shell(text, folder, **variables):
     """Exit code, and what is printed, of lines as a reader types them."""
     path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    where = {"cwd": folder, "env": {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), **variables}}
+    where = {
+        "cwd": folder,
+        "env": {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), **variables},
+    }
     run = subprocess.run(["bash", "-ec", text], capture_output=True, text=True, **where)
     return run.returncode, run.stdout + run.stderr
 
@@ -65,10 +72,14 @@ def test_the_page_on_continuous_integration_does_what_it_says(request, monkeypat
     (workflow,) = blocks("docs/howto/lab-ci.md", "yaml")
     assert all(f"run: {line}\n" in workflow for line in every)
     command = request.getfixturevalue("flexfem")
-    monkeypatch.setattr(baselines, "QUESTIONS", {"paper": lambda stage: flexfem.stiffness(stage, models="analytic")})
+    monkeypatch.setattr(
+        baselines, "QUESTIONS", {"paper": lambda stage: flexfem.stiffness(stage, models="analytic")}
+    )
 
     def codes(*lines):
-        return [command(*shlex.split(line)[1:])[:2] for line in lines if line.startswith("flexfem ")]
+        return [
+            command(*shlex.split(line)[1:])[:2] for line in lines if line.startswith("flexfem ")
+        ]
 
     found = codes("flexfem new mine.toml --case", first[0], *every)
     assert [code for code, _ in found] == [0, 0, 0, 0], found
@@ -81,11 +92,15 @@ def test_the_page_on_continuous_integration_does_what_it_says(request, monkeypat
 @pytest.mark.slow
 def test_the_page_on_clusters_runs_a_study_in_two_tasks(tmp_path):
     page = blocks("docs/howto/cluster.md", "bash")
-    job, after = (text.replace("/shared/reports", "shared") for text in page[:2])  # then those on a Dask cluster
+    job, after = (
+        text.replace("/shared/reports", "shared") for text in page[:2]
+    )  # then those on a Dask cluster
     assert shell("flexfem new mine.toml --study", tmp_path)[0] == 0
     for task in "12":
         slurm = {"CPUS_PER_TASK": "1", "ARRAY_TASK_ID": task, "ARRAY_TASK_COUNT": "2"}
-        code, said = shell(job, tmp_path, **{f"SLURM_{name}": value for name, value in slurm.items()})
+        code, said = shell(
+            job, tmp_path, **{f"SLURM_{name}": value for name, value in slurm.items()}
+        )
         assert code == 0, said
     exports = "\n".join(line for line in job.splitlines() if line.startswith("export"))
     code, said = shell(f"{exports}\n{after}", tmp_path)

@@ -1,4 +1,6 @@
-"""Streams, signals, processes and progress of commands: what is printed, how a command is stopped, what it runs."""
+"""Streams, signals, processes and progress of commands: what is printed, how a command is stopped,
+what it runs.
+"""
 
 from __future__ import annotations
 
@@ -27,20 +29,34 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 def run(*arguments, **streams):
     command = [sys.executable, "-m", "flexfem", *map(str, arguments)]
-    return subprocess.run(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stderr=subprocess.PIPE, **streams)
+    return subprocess.run(
+        command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stderr=subprocess.PIPE, **streams
+    )
 
 
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("MPLBACKEND", "bogus", "MPLBACKEND = 'bogus', expected a backend of matplotlib, or no such variable"),
+        (
+            "MPLBACKEND",
+            "bogus",
+            "MPLBACKEND = 'bogus', expected a backend of matplotlib, or no such variable",
+        ),
         (
             "PYTHONOPTIMIZE",
             "2",
             "PYTHONOPTIMIZE or python -OO: the commands are made from docstrings, which it removes",
         ),
-        ("FLEXFEM_WITH", "x", "FLEXFEM_WITH = 'x', expected no such variable, which flexfem --with FILE sets itself"),
-        ("SOURCE_DATE_EPOCH", "x", "SOURCE_DATE_EPOCH = 'x', expected seconds since 1970, or no such variable"),
+        (
+            "FLEXFEM_WITH",
+            "x",
+            "FLEXFEM_WITH = 'x', expected no such variable, which flexfem --with FILE sets itself",
+        ),
+        (
+            "SOURCE_DATE_EPOCH",
+            "x",
+            "SOURCE_DATE_EPOCH = 'x', expected seconds since 1970, or no such variable",
+        ),
     ],
 )
 def test_what_the_environment_sets_wrongly_is_named_in_one_line(name, value, said, monkeypatch):
@@ -100,13 +116,28 @@ flexfem.register_formula("quits", quits, source="a test", valid=(0.05, 0.5))
     ("text", "code", "said"),
     [
         ("\nraise SystemExit(0)", 2, "own.py, line 2: SystemExit: 0, expected Python"),
-        ("class Own(BaseException): ...\nraise Own('mine')", 2, "own.py, line 2: Own: mine, expected Python"),
+        (
+            "class Own(BaseException): ...\nraise Own('mine')",
+            2,
+            "own.py, line 2: Own: mine, expected Python",
+        ),
         (QUITS, 1, "SystemExit: 0 (own.py, line 4)"),
     ],
 )
-def test_code_of_the_user_that_ends_the_program_does_not_pass_for_a_result(tmp_path, text, code, said):
+def test_code_of_the_user_that_ends_the_program_does_not_pass_for_a_result(
+    tmp_path, text, code, said
+):
     (tmp_path / "own.py").write_text(text)
-    command = ("--with", tmp_path / "own.py", "stiffness", STAGE, "--models", "analytic", "--formula", "quits")
+    command = (
+        "--with",
+        tmp_path / "own.py",
+        "stiffness",
+        STAGE,
+        "--models",
+        "analytic",
+        "--formula",
+        "quits",
+    )
     ended = run(*command, stdout=subprocess.PIPE)
     assert (ended.returncode, ended.stdout) == (code, b"")
     assert said in ended.stderr.decode() and ended.stderr.count(b"\n") == 1
@@ -114,7 +145,10 @@ def test_code_of_the_user_that_ends_the_program_does_not_pass_for_a_result(tmp_p
 
 def test_progress_to_a_full_stream_ends_nothing_results_to_one_do_and_control_characters_are_text():
     for silent in (True, False):
-        with open("/dev/full", "w") as full, nullcontext() if silent else pytest.raises(OSError, match="No space"):
+        with (
+            open("/dev/full", "w") as full,
+            nullcontext() if silent else pytest.raises(OSError, match="No space"),
+        ):
             Plain(full, silent).write("x" * 10000)
             Plain(full, silent).flush()
     stream = io.StringIO()
@@ -145,7 +179,10 @@ def test_a_stop_adds_a_second_at_most(monkeypatch):
 
 def test_a_stop_waits_for_the_import_that_is_going_on(tmp_path, monkeypatch, handlers):
     """A library that is broken off prints what it likes, or is there in part."""
-    text = "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(0.05)\nwhole = True\n"
+    text = (
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(0.05)\nwhole = "
+        "True\n"
+    )
     (tmp_path / "slow_library.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(terminal.Stopped) as stop, terminal.stoppable() as raised:
@@ -153,7 +190,9 @@ def test_a_stop_waits_for_the_import_that_is_going_on(tmp_path, monkeypatch, han
 
         assert slow_library and raised != []
         time.sleep(5.0)  # ended by the stop
-    assert raised == [stop.value] and stop.value.code == 130 and sys.modules.pop("slow_library").whole
+    assert (
+        raised == [stop.value] and stop.value.code == 130 and sys.modules.pop("slow_library").whole
+    )
 
 
 def test_a_stop_where_nothing_can_be_raised_comes_later(capsys, handlers):
@@ -168,8 +207,12 @@ def test_a_stop_where_nothing_can_be_raised_comes_later(capsys, handlers):
     assert capsys.readouterr().err == ""
 
 
-def test_no_alarm_is_left_of_a_stop_during_an_import_that_ends_the_command(tmp_path, monkeypatch, handlers):
-    (tmp_path / "last_library.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGTERM)\n")
+def test_no_alarm_is_left_of_a_stop_during_an_import_that_ends_the_command(
+    tmp_path, monkeypatch, handlers
+):
+    (tmp_path / "last_library.py").write_text(
+        "import os, signal\nos.kill(os.getpid(), signal.SIGTERM)\n"
+    )
     monkeypatch.syspath_prepend(tmp_path)
     with terminal.stoppable() as raised:
         import last_library
@@ -207,7 +250,11 @@ def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
     """Also while it loads numpy, skfem, gmsh or matplotlib, and in the processes that it started."""
     ended = []
     for wait in (3.0 * k / TIMES for k in range(TIMES)):
-        where = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(ROOT)}, "start_new_session": True}
+        where = {
+            "cwd": tmp_path,
+            "env": {**os.environ, "PYTHONPATH": str(ROOT)},
+            "start_new_session": True,
+        }
         streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
         process = subprocess.Popen([sys.executable, "-c", RUN, *command], **streams, **where)
         assert process.stdout.read(1) == "x"
@@ -215,10 +262,16 @@ def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGINT)  # as a terminal does: children too
         _, err = process.communicate(timeout=30)
-        ended.append((process.returncode, re.sub(r"modes: \d of 5 meshes\n", "", err)))  # progress until then
-    ended = [each for each in ended if each not in [(0, ""), (-signal.SIGINT, "")]]  # done, and Python closing down
+        ended.append(
+            (process.returncode, re.sub(r"modes: \d of 5 meshes\n", "", err))
+        )  # progress until then
+    ended = [
+        each for each in ended if each not in [(0, ""), (-signal.SIGINT, "")]
+    ]  # done, and Python closing down
     assert set(ended) == {(130, "flexfem: stopped\n")} and len(ended) > TIMES / 4
-    assert not [path for path in tmp_path.rglob("*") if path.name.startswith(".")]  # no file in part
+    assert not [
+        path for path in tmp_path.rglob("*") if path.name.startswith(".")
+    ]  # no file in part
 
 
 def test_every_step_is_a_line_where_there_is_no_terminal(capsys):

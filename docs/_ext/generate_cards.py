@@ -1,4 +1,6 @@
-"""Pictures of the cards on docs/index.md, drawn at every build from ready-made stages and mechanisms: some 20 s."""
+"""Pictures of the cards on docs/index.md, drawn at every build from ready-made stages and
+mechanisms: some 20 s.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def pictures(folder: Path) -> dict[str, Callable[[Any], Any]]:
 
     def displaced(ax: Any) -> None:
         held = {"displacement": (0.1, 0.1, 0.0), "models": "elements", "resolution": 4}
-        plot.plot_displacement(ax, flexfem.stiffness(mechanism("xy-stage"), **held).fields, factor=60.0)
+        plot.plot_displacement(
+            ax, flexfem.stiffness(mechanism("xy-stage"), **held).fields, factor=60.0
+        )
 
     def reached(ax: Any) -> None:
         plot.plot_section(ax, flexfem.reach(stage, models="analytic"))
@@ -44,7 +48,11 @@ def pictures(folder: Path) -> dict[str, Callable[[Any], Any]]:
 
     def stages(ax: Any, look: str, designs: Any) -> None:
         models = [flexfem.analyse(stage.replace(neck={"elbow": a, "base": b})) for a, b in designs]
-        ax.plot([1e3 * each.range_at_yield[0] for each in models], [each.stiffness[0, 0] for each in models], look)
+        ax.plot(
+            [1e3 * each.range_at_yield[0] for each in models],
+            [each.stiffness[0, 0] for each in models],
+            look,
+        )
         ax.set(xlabel="range at yield (µm)", ylabel="stiffness (N/mm)")
 
     def required(ax: Any) -> None:
@@ -66,8 +74,12 @@ def pictures(folder: Path) -> dict[str, Callable[[Any], Any]]:
         "studies": lambda ax: stages(ax, ".", np.random.default_rng(3).uniform(0.3, 1.0, (100, 2))),
         "design": required,
         "parts": lambda ax: (plot.plot_plate(ax, stage, labels=False), ax.set_axis_off()),
-        "accuracy": lambda ax: plot.plot_convergence(ax, flexfem.converge(stage, resolutions=[2, 3, 4, 6])),
-        "paper": lambda ax: plot.plot_errors(ax, flexfem.verification(folder / "stage-case.toml", output=None)[0], "x"),
+        "accuracy": lambda ax: plot.plot_convergence(
+            ax, flexfem.converge(stage, resolutions=[2, 3, 4, 6])
+        ),
+        "paper": lambda ax: plot.plot_errors(
+            ax, flexfem.verification(folder / "stage-case.toml", output=None)[0], "x"
+        ),
     }
 
 

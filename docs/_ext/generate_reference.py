@@ -1,4 +1,6 @@
-"""Pages of docs/reference, made at every build from the code: keys of files, results, JSON schemas, and commands."""
+"""Pages of docs/reference, made at every build from the code: keys of files, results, JSON schemas,
+and commands.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,8 @@ FOLDER = ROOT / "docs/reference"
 OVERRIDE = "override"  # its other keys are those of hinges and actuators
 MARKED = r"Keys marked \* are required. A file with other keys is refused."
 COMMON = (
-    "Options stand before or after arguments; `--json` prints the result as JSON. Exit code 0: done; 1: a check or a "
-    "computation failed; 2: bad input; 128 + n: stopped by signal n."
+    "Options stand before or after arguments; `--json` prints the result as JSON. Exit code 0: "
+    "done; 1: a check or a computation failed; 2: bad input; 128 + n: stopped by signal n."
 )
 SCHEMAS = """# JSON schemas
 
@@ -61,8 +63,15 @@ Expressions may contain outputs of [studies](study.md), keys of the stage file, 
 
 def pages() -> dict[str, str]:
     """Every page by its name."""
-    links = (f"- {of.title}: {{download}}`{FILE.format(n)} <{FILE.format(n)}>`" for n, of in FORMATS.items())
-    found = {"schemas": SCHEMAS + "\n".join(links) + "\n", "results": results_page(), "commands": commands_page()}
+    links = (
+        f"- {of.title}: {{download}}`{FILE.format(n)} <{FILE.format(n)}>`"
+        for n, of in FORMATS.items()
+    )
+    found = {
+        "schemas": SCHEMAS + "\n".join(links) + "\n",
+        "results": results_page(),
+        "commands": commands_page(),
+    }
     for name, (title, parts, after) in PAGES.items():
         keys = [block for part in parts for block in _keys(*part, several=len(parts) > 1)]
         found[name] = "\n\n".join(filter(None, [f"# {title}", MARKED, *keys, after()])) + "\n"
@@ -78,15 +87,27 @@ def _keys(name: str, on_page: Callable[[str], bool], several: bool) -> Iterator[
     if several:
         yield f"## {FORMATS[name].title}"
     yield FORMATS[name].about if on_page("") else "A table of a [stage file](stage.md)."
-    others = {(row.key, row.meaning) for table in every if table.name != OVERRIDE for row in table.rows}
-    empty = [one for one in every if one.name and not any(each.name.startswith(f"{one.name}.") for each in every)]
+    others = {
+        (row.key, row.meaning) for table in every if table.name != OVERRIDE for row in table.rows
+    }
+    empty = [
+        one
+        for one in every
+        if one.name and not any(each.name.startswith(f"{one.name}.") for each in every)
+    ]
     left = [table for table in every if on_page(table.name) and (table.rows or table in empty)]
     while left:
         alike = [each for each in left if each.rows == left[0].rows]
-        heading = ", ".join(f"`{each.header}`" if each.name else "Top of the file" for each in alike)
+        heading = ", ".join(
+            f"`{each.header}`" if each.name else "Top of the file" for each in alike
+        )
         yield f"{'###' if several else '##'} {heading}"
         yield _about(alike)
-        rows = [row for row in left[0].rows if left[0].name != OVERRIDE or (row.key, row.meaning) not in others]
+        rows = [
+            row
+            for row in left[0].rows
+            if left[0].name != OVERRIDE or (row.key, row.meaning) not in others
+        ]
         yield _key_table(rows) if rows else ""
         left = [each for each in left if each not in alike]
 
@@ -100,7 +121,14 @@ def _about(alike: list[KeyTable]) -> str:
 def _key_table(rows: list[KeyRow]) -> str:
     """The keys of a table, where numbers come from last."""
     cells = [
-        (f"`{row.key}`" + r" \*" * row.needed, row.meaning, row.unit, row.value, _code(row.default), _code(row.example))
+        (
+            f"`{row.key}`" + r" \*" * row.needed,
+            row.meaning,
+            row.unit,
+            row.value,
+            _code(row.default),
+            _code(row.example),
+        )
         for row in sorted(rows, key=lambda row: row.key == "provenance")
     ]
     return markdown_table(("key", "meaning", "unit", "value", "default", "example"), cells)
@@ -111,17 +139,31 @@ def _code(text: str) -> str:
 
 
 def _materials() -> str:
-    numbers = {name: one.model_dump(by_alias=True, exclude_none=True) for name, one in materials().items()}
+    numbers = {
+        name: one.model_dump(by_alias=True, exclude_none=True) for name, one in materials().items()
+    }
     shown = [key for key in KEYS if any(key in each for each in numbers.values())]
-    rows, sources = [], []
+    rows = []
+    sources = []
     for name, each in numbers.items():
         of = REGISTERED[name]
-        assumptions = {key: " (assumed)" * is_assumed(of.sources.get(key, of.source)) for key in shown}
-        rows.append((f"`{name}`", *(f"{each[key]}{assumptions[key]}" if key in each else "" for key in shown)))
-        sources.append(f"- `{name}`: {'; '.join([of.source, *(f'`{k}`: {text}' for k, text in of.sources.items())])}")
+        assumptions = {
+            key: " (assumed)" * is_assumed(of.sources.get(key, of.source)) for key in shown
+        }
+        rows.append(
+            (
+                f"`{name}`",
+                *(f"{each[key]}{assumptions[key]}" if key in each else "" for key in shown),
+            )
+        )
+        sources.append(
+            f"- `{name}`: "
+            f"{'; '.join([of.source, *(f'`{k}`: {text}' for k, text in of.sources.items())])}"
+        )
     about = (
-        "The numbers are for room temperature. A fatigue constant or an expansion is missing if no source states it. "
-        "`flexfem check` prints the source of every number; `register_material` in Python adds your own."
+        "The numbers are for room temperature. A fatigue constant or an expansion is missing if "
+        "no source states it. `flexfem check` prints the source of every number; "
+        "`register_material` in Python adds your own."
     )
     table = markdown_table(("`name`", *map(_code, shown)), rows, "l" + "r" * len(shown))
     return "\n\n".join(["## Registered materials", about, table, "\n".join(sources)])
@@ -144,7 +186,10 @@ def _stacks() -> str:
 
 
 def _outputs() -> str:
-    units = [dict.fromkeys(str(unit_of(each)) for each in group if str(unit_of(each))) for group in MEANINGS]
+    units = [
+        dict.fromkeys(str(unit_of(each)) for each in group if str(unit_of(each)))
+        for group in MEANINGS
+    ]
     rows = [
         (", ".join(map(_code, group)), ", ".join(of), meaning)
         for (group, meaning), of in zip(MEANINGS.items(), units, strict=True)
@@ -219,10 +264,22 @@ def _options(of: Any) -> str:
     for each in of.params:
         if each.name in ("help", "install_completion", "show_completion"):
             continue
-        names = [*each.opts, *each.secondary_opts] if each.param_type_name == "option" else [_metavar(each)]
-        default = "" if each.default in (None, False, ()) or callable(each.default) else f"`{each.default}`"
+        names = (
+            [*each.opts, *each.secondary_opts]
+            if each.param_type_name == "option"
+            else [_metavar(each)]
+        )
+        default = (
+            ""
+            if each.default in (None, False, ()) or callable(each.default)
+            else f"`{each.default}`"
+        )
         rows.append(
-            (", ".join(map(_code, names)) + r" \*" * each.required, " ".join((each.help or "").split()), default)
+            (
+                ", ".join(map(_code, names)) + r" \*" * each.required,
+                " ".join((each.help or "").split()),
+                default,
+            )
         )
     return markdown_table(("option", "meaning", "default"), rows) if rows else ""
 

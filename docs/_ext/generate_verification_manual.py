@@ -1,4 +1,6 @@
-"""The pages on published problems and on verified mechanisms with their figures, made at every build: some 30 s."""
+"""The pages on published problems and on verified mechanisms with their figures, made at every
+build: some 30 s.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Equations as MathML, which browsers draw without a script: pages read as well from a disk as from a server.
+"""Equations as MathML, which browsers draw without a script: pages read as well from a disk as from
+a server.
 
 A number of an equation is written `\\tag{16}`, as TeX has it, and stands at the right.
 """
@@ -19,7 +20,9 @@ TAG = re.compile(r"\\tag\{([^}]*)\}")
 def equation(source: str, display: str) -> tuple[str, str]:
     """MathML of an equation in TeX, and its number, empty where it has none."""
     numbers = TAG.findall(source)
-    return convert(TAG.sub("", source).strip(), display=display), ", ".join(f"({number})" for number in numbers)
+    return convert(TAG.sub("", source).strip(), display=display), ", ".join(
+        f"({number})" for number in numbers
+    )
 
 
 def visit_inline(self: HTML5Translator, node: nodes.math) -> None:
@@ -30,7 +33,9 @@ def visit_inline(self: HTML5Translator, node: nodes.math) -> None:
 def visit_display(self: HTML5Translator, node: nodes.math_block) -> None:
     drawn, number = equation(node.astext(), "block")
     anchor = f' id="equation-{html.escape(number.strip("()"))}"' if number else ""
-    self.body.append(f'<div class="equation"{anchor}>{drawn}<span class="number">{html.escape(number)}</span></div>\n')
+    self.body.append(
+        f'<div class="equation"{anchor}>{drawn}<span class="number">{html.escape(number)}</span></div>\n'
+    )
     raise nodes.SkipNode
 
 

@@ -1,4 +1,6 @@
-"""Links that a Git forge follows out of docs/ lead to the page here that shows the same; absent pages are left out."""
+"""Links that a Git forge follows out of docs/ lead to the page here that shows the same; absent
+pages are left out.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ def lead_inside(app: Sphinx, doctree: nodes.document) -> None:
             target = str(node["reftarget"]).removesuffix(".md")
             shown = SHOWN.get(target.removeprefix(f"{root.as_posix()}/"))
             if shown:
-                node["refdomain"], node["reftarget"], node["reftargetid"] = "doc", shown, None
+                node["refdomain"] = "doc"
+                node["reftarget"] = shown
+                node["reftargetid"] = None
 
 
 def leave_out(app: Sphinx, docname: str, source: list[str]) -> None:
@@ -35,7 +39,8 @@ def leave_out(app: Sphinx, docname: str, source: list[str]) -> None:
     if docname == "index":
         pages = re.compile(r"^[\w/*-]+\n", re.MULTILINE)
         source[0] = pages.sub(
-            lambda page: page[0] if any(Path(app.srcdir).glob(f"{page[0].strip()}.*")) else "", source[0]
+            lambda page: page[0] if any(Path(app.srcdir).glob(f"{page[0].strip()}.*")) else "",
+            source[0],
         )
 
 

@@ -1,4 +1,6 @@
-"""Contact of parts of a mechanism of beams that moves: bodies move as rigid bodies, hinges bend with their beams."""
+"""Contact of parts of a mechanism of beams that moves: bodies move as rigid bodies, hinges bend
+with their beams.
+"""
 
 from __future__ import annotations
 
@@ -11,26 +13,36 @@ import shapely
 from flexfem.analytic.finite import BEAMS, FinitePlate
 from flexfem.analytic.plates import moving_bodies
 from flexfem.arrays import AnyArray, Array
-from flexfem.mechanism.gaps import MIDDLE, Gap, box_distances, gap_between, names_of_parts, pairs_of_parts
+from flexfem.mechanism.gaps import (
+    MIDDLE,
+    Gap,
+    box_distances,
+    gap_between,
+    names_of_parts,
+    pairs_of_parts,
+)
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.plate import ALONG, body_polygon
 
-CLOSED = 0.5  # of a gap: the least share that displacements must be able to close for the gap to be measured
+# of a gap: the least share that displacements must be able to close for the gap to be measured
+CLOSED = 0.5
 MOST_BETWEEN = 32  # positions between two equilibria at which contact is sought
 
 
 class Clearance:
     """Gaps of the parts of a mechanism at displaced positions, against those at rest.
 
-    A pair of parts is measured where the displacements of both could close the share `CLOSED` of its gap.
-    """
+    A pair of parts is measured where the displacements of both could close the share `CLOSED` of
+    its gap."""
 
     def __init__(self, layout: Layout, plate: FinitePlate, marks: Array) -> None:
         """`marks` (h, beams + 1): positions of the nodes of every hinge on its axis, mm."""
         self.layout = layout
         self.plate = plate
         self.marks = marks
-        self.bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
+        self.bodies = [
+            body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))
+        ]
         self.column = {body: 3 * number for number, body in enumerate(moving_bodies(layout))}
         still = np.zeros(plate.size)
         count = len(self.bodies) + 2 * plate.hinges
@@ -54,7 +66,8 @@ class Clearance:
         if at is None:
             return self.bodies[body]
         centre = self.plate.centre[at // 3]
-        shift, turn = q[at] + 1j * q[at + 1], np.exp(1j * q[at + 2])
+        shift = q[at] + 1j * q[at + 1]
+        turn = np.exp(1j * q[at + 2])
 
         def moved(points: Array) -> Array:
             z = centre + shift + turn * (points @ [1, 1j] - centre)
@@ -63,7 +76,9 @@ class Clearance:
         return shapely.transform(self.bodies[body], moved)
 
     def _hinge(self, number: int, q: Array, shares: Array) -> Any:
-        """Return the polygon of a bent hinge: its nodes are joined by cubic curves, its sections turn with them."""
+        """Return the polygon of a bent hinge: its nodes are joined by cubic curves, its sections
+        turn with them.
+        """
         joint = self.layout.joints[number]
         x = shares * joint.profile.length
         breaks = np.array(joint.profile.breaks)
@@ -74,8 +89,10 @@ class Clearance:
         length = np.diff(ends)[beam]
         share = (x - ends[beam]) / length
         heading = np.exp(1j * (joint.heading + turn[number]))
-        start, end = place[number][beam], place[number][beam + 1]
-        out, into = heading[beam] * length, heading[beam + 1] * length
+        start = place[number][beam]
+        end = place[number][beam + 1]
+        out = heading[beam] * length
+        into = heading[beam + 1] * length
         rise = share**2 * (3 - 2 * share)
         centre = start + (end - start) * rise
         centre += out * share * (1 - share) ** 2 - into * share**2 * (1 - share)
@@ -85,7 +102,9 @@ class Clearance:
         return shapely.Polygon(np.column_stack([z.real, z.imag]))
 
     def nodes(self, q: Array) -> tuple[AnyArray, Array]:
-        """Return the places (h, beams + 1), mm, complex, and the rotations, rad, of the nodes of the hinges."""
+        """Return the places (h, beams + 1), mm, complex, and the rotations, rad, of the nodes of
+        the hinges.
+        """
         plate = self.plate
         full = np.append(q, np.zeros(3))
         turn = full[plate.column + 2]
@@ -98,16 +117,23 @@ class Clearance:
         boxes = shapely.bounds(self.rest)
         for body, at in self.column.items():
             corners = boxes[body][[0, 2, 0, 2]] + 1j * boxes[body][[1, 1, 3, 3]]
-            swing = np.abs(corners - self.plate.centre[at // 3]).max() * abs(np.exp(1j * q[at + 2]) - 1)
+            swing = np.abs(corners - self.plate.centre[at // 3]).max() * abs(
+                np.exp(1j * q[at + 2]) - 1
+            )
             found[body] = abs(q[at] + 1j * q[at + 1]) + swing
         place, turn = self.nodes(q)
         still, _ = self.nodes(np.zeros(len(q)))
-        furthest = np.abs(place - still).max(axis=1) + self.high * np.minimum(1.0, np.abs(turn).max(axis=1))
-        found[len(self.bodies) :] = np.tile(2 * furthest, 2)  # a curve between nodes goes beyond them
+        furthest = np.abs(place - still).max(axis=1) + self.high * np.minimum(
+            1.0, np.abs(turn).max(axis=1)
+        )
+        found[len(self.bodies) :] = np.tile(
+            2 * furthest, 2
+        )  # a curve between nodes goes beyond them
         return found
 
     def smallest(self, q: Array, closed: float = CLOSED) -> tuple[float, Gap | None]:
-        """Return the least gap, per gap at rest, of the pairs at unknowns q (size,), and this gap; 1 without one.
+        """Return the least gap, per gap at rest, of the pairs at unknowns q (size,), and this gap;
+        1 without one.
 
         closed : the pairs are those of which displacements could close this share of the gap.
         """
@@ -130,7 +156,9 @@ class Clearance:
         return gap_between(parts, self.polygon(one, q), self.polygon(other, q))
 
     def _near(self, bound: Array) -> Iterable[tuple[int, int]]:
-        """Yield the pairs of parts, apart at rest, whose displacements of at most `bound` (parts,) close their gap."""
+        """Yield the pairs of parts, apart at rest, whose displacements of at most `bound` (parts,)
+        close their gap.
+        """
         for number in np.flatnonzero(self.least <= bound[self.one] + bound[self.other]):
             pair = int(self.one[number]), int(self.other[number])
             if pair not in self.known:
@@ -139,11 +167,11 @@ class Clearance:
                 yield pair
 
     def share_to_contact(self, before: Array, after: Array) -> float | None:
-        """Return the share of the way between two positions q (size,) at which parts touch; None if they do not.
+        """Return the share of the way between two positions q (size,) at which parts touch; None if
+        they do not.
 
-        The way is divided into steps that are not longer than the thinnest hinge, so that no part passes through
-        another unseen.
-        """
+        The way is divided into steps that are not longer than the thinnest hinge, so that no part
+        passes through another unseen."""
         way = self.moved(after - before).max()
         steps = int(np.clip(np.ceil(way / self.thinnest), 1, MOST_BETWEEN))
         for step in range(1, steps + 1):

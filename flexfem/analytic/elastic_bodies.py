@@ -1,6 +1,6 @@
-"""Compliances of the bodies between the hinges: pads and links as bars along their centrelines, the platform and the
-clamped edges of pads by plane boundary elements, with points, displacements and tractions as complex numbers.
-"""
+"""Compliances of the bodies between the hinges: pads and links as bars along their centrelines, the
+platform and the clamped edges of pads by plane boundary elements, with points, displacements and
+tractions as complex numbers."""
 
 from __future__ import annotations
 
@@ -24,12 +24,17 @@ from flexfem.mechanism.outlines import Pose, Segment, polyline, reverse
 from flexfem.mechanism.stage import CHAINS, Hinge, Stage
 from flexfem.mechanism.stage_file import Platform
 
-NODES = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])  # of an element from -1 to 1: Gauss points, none at a corner
+NODES = np.sqrt(0.6) * np.array(
+    [-1.0, 0.0, 1.0]
+)  # of an element from -1 to 1: Gauss points, none at a corner
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18  # per length of the element
-SHAPES = np.linalg.inv(np.vander(NODES, increasing=True))  # from nodal values to coefficients of powers
+SHAPES = np.linalg.inv(
+    np.vander(NODES, increasing=True)
+)  # from nodal values to coefficients of powers
 CACHE_SIZE = 64  # bodies: many designs of a study have the same platform
 Edge: TypeAlias = tuple[Segment, ...]
-LOG_UNIT = 10.0  # of length in the logarithm, per size of the body: no hole has the radius at which it is singular
+# of length in the logarithm, per size of the body: no hole has the radius at which it is singular
+LOG_UNIT = 10.0
 
 
 class Boundary(NamedTuple):
@@ -41,7 +46,8 @@ class Boundary(NamedTuple):
     @property
     def nodes(self) -> AnyArray:
         """Nodes (3m,), complex, three in every element."""
-        middle, half = (self.start + self.end) / 2, (self.end - self.start) / 2
+        middle = (self.start + self.end) / 2
+        half = (self.end - self.start) / 2
         return np.asarray((middle[:, None] + half[:, None] * NODES).ravel())
 
     @property
@@ -50,36 +56,52 @@ class Boundary(NamedTuple):
         return np.asarray((np.abs(self.end - self.start)[:, None] * WEIGHTS).ravel())
 
 
-def divided(segments: Sequence[Segment], size: Callable[[complex], float], angle: float) -> Boundary:
-    """Return chords of lines and arcs, halved until none exceeds `size` at its middle or spans more than `angle`."""
+def divided(
+    segments: Sequence[Segment], size: Callable[[complex], float], angle: float
+) -> Boundary:
+    """Return chords of lines and arcs, halved until none exceeds `size` at its middle or spans more
+    than `angle`.
+    """
     pieces = [piece for segment in segments for piece in _halved(segment, size, angle)]
-    return Boundary(np.array([piece.start for piece in pieces]), np.array([piece.end for piece in pieces]))
+    return Boundary(
+        np.array([piece.start for piece in pieces]), np.array([piece.end for piece in pieces])
+    )
 
 
 def _halved(segment: Segment, size: Callable[[complex], float], angle: float) -> list[Segment]:
     middle = complex(segment.at(0.5))
     if segment.length <= size(middle) and abs(segment.turn) <= angle:
         return [segment]
-    halves = (Segment(segment.start, middle, segment.centre), Segment(middle, segment.end, segment.centre))
+    halves = (
+        Segment(segment.start, middle, segment.centre),
+        Segment(middle, segment.end, segment.centre),
+    )
     return [piece for half in halves for piece in _halved(half, size, angle)]
 
 
 def displacements(
-    boundary: Boundary, tractions: AnyArray, fixed: NDArray[np.bool_], poissons_ratio: float, copies: int = 1
+    boundary: Boundary,
+    tractions: AnyArray,
+    fixed: NDArray[np.bool_],
+    poissons_ratio: float,
+    copies: int = 1,
 ) -> AnyArray:
-    """Return the displacements (copies, n, k) times shear modulus, complex, of the nodes under k loads.
+    """Return the displacements (copies, n, k) times shear modulus, complex, of the nodes under k
+    loads.
 
     Parameters
     ----------
-    boundary : one of `copies` identical parts, rotated about the origin by equal angles, that together bound the body.
+    boundary : one of `copies` identical parts, rotated about the origin by equal angles, that
+    together bound the body.
     tractions : (n, k), complex, of the nodes of the first copy; ignored at fixed nodes.
-    fixed : (n,), nodes that do not move. A body without any must be one copy in equilibrium; its mean motion is zero.
+    fixed : (n,), nodes that do not move. A body without any must be one copy in equilibrium; its
+    mean motion is zero.
 
     Notes
     -----
-    A discrete Fourier transform over the copies decouples the equations: with x_d in copy d, in its own frame,
-    `x_d = sum_m w^(m d) (sum_e w^(m e) A_e)^-1 b / copies`, w the root of unity, A_e the action of copy e on the first.
-    """
+    A discrete Fourier transform over the copies decouples the equations: with x_d in copy d, in its
+    own frame, `x_d = sum_m w^(m d) (sum_e w^(m e) A_e)^-1 b / copies`, w the root of unity, A_e the
+    action of copy e on the first."""
     single, double = _system(boundary, poissons_ratio, copies)
     clamped = np.concatenate([fixed, fixed])
     load = np.where(clamped[:, None], 0.0, _split(tractions))
@@ -98,35 +120,48 @@ def displacements(
 
 
 def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> tuple[Array, Array]:
-    """Matrices (copies, 2n, 2n) of tractions and of displacements, real parts before imaginary ones.
+    """Matrices (copies, 2n, 2n) of tractions and of displacements, real parts before imaginary
+    ones.
 
-    Their products with the tractions and displacements of all copies, each in its own frame, sum to zero.
+    Their products with the tractions and displacements of all copies, each in its own frame, sum to
+    zero.
 
     Notes
     -----
-    Somigliana's identity with the body left of its boundary s, a star for the conjugate, `kappa = (3 - nu)/(1 + nu)`:
+    Somigliana's identity with the body left of its boundary s, a star for the conjugate, `kappa =
+    (3 - nu)/(1 + nu)`:
 
         U(z) = int [-2 kappa ln|z - s| t + (z - s)/(z - s)* t*] |ds| / (4 pi (1 + kappa))
-             + int [u (kappa d ln(s - z) - d ln(s - z)*) + u* d((s - z)/(s - z)*)] / (2 pi i (1 + kappa))
+             + int [u (kappa d ln(s - z) - d ln(s - z)*) + u* d((s - z)/(s - z)*)] / (2 pi i (1 +
+             kappa))
 
-    It has Kelvin's forces and dislocations from 2 U = kappa phi - z phi'* - psi* (N. I. Muskhelishvili, Some Basic
-    Problems of the Mathematical Theory of Elasticity, Noordhoff 1953, sections 32 and 56). Displacements and tractions
-    are quadratic in straight elements and integrated exactly.
-    """
+    It has Kelvin's forces and dislocations from 2 U = kappa phi - z phi'* - psi* (N. I.
+    Muskhelishvili, Some Basic Problems of the Mathematical Theory of Elasticity, Noordhoff 1953,
+    sections 32 and 56). Displacements and tractions are quadratic in straight elements and
+    integrated exactly."""
     kappa = (3 - poissons_ratio) / (1 + poissons_ratio)
-    force, jump = SHAPES / (4 * np.pi * (1 + kappa)), SHAPES / (2j * np.pi * (1 + kappa))
-    half, matrices = (boundary.end - boundary.start) / 2, []
-    a, unit = np.abs(half), LOG_UNIT * float(np.max(np.abs(boundary.nodes)))
+    force = SHAPES / (4 * np.pi * (1 + kappa))
+    jump = SHAPES / (2j * np.pi * (1 + kappa))
+    half = (boundary.end - boundary.start) / 2
+    matrices = []
+    a = np.abs(half)
+    unit = LOG_UNIT * float(np.max(np.abs(boundary.nodes)))
     for rotation in np.exp(2j * np.pi * np.arange(copies) / copies):
         tangent = rotation * half / a
         w = (boundary.nodes[:, None] - rotation * (boundary.start + boundary.end) / 2) / tangent
         on_element = np.repeat(np.eye(len(a), dtype=bool) & (rotation == 1), len(NODES), axis=0)
         w[on_element] = w[on_element].real  # each element lies on the real axis
         logs, cauchy, squares, powers = _moments(w, a, on_element, unit)
-        offset, frame = (np.conj(w) - w)[..., None], tangent[:, None] ** 2
+        offset = (np.conj(w) - w)[..., None]
+        frame = tangent[:, None] ** 2
         by_force = -2 * kappa * logs @ force, frame * (powers + offset * np.conj(cauchy)) @ force
-        by_jump = (kappa * cauchy - np.conj(cauchy)) @ jump, -frame * offset * np.conj(squares) @ jump
-        matrices.append([_real(rotation * A, np.conj(rotation) * B) for A, B in (by_force, by_jump)])
+        by_jump = (
+            (kappa * cauchy - np.conj(cauchy)) @ jump,
+            -frame * offset * np.conj(squares) @ jump,
+        )
+        matrices.append(
+            [_real(rotation * A, np.conj(rotation) * B) for A, B in (by_force, by_jump)]
+        )
     single, double = np.moveaxis(np.array(matrices), 1, 0)
     double[0] -= np.eye(double.shape[-1])
     return single, double
@@ -135,7 +170,9 @@ def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> tuple[Arr
 def _moments(
     w: AnyArray, a: Array, on_element: NDArray[np.bool_], unit: float
 ) -> tuple[Array, AnyArray, AnyArray, Array]:
-    """Integrals (n, m, 3) over s from -a to a of (s/a)^k times ln(|s - w|/unit), 1/(s - w), 1/(s - w)^2 and 1."""
+    """Integrals (n, m, 3) over s from -a to a of (s/a)^k times ln(|s - w|/unit), 1/(s - w), 1/(s -
+    w)^2 and 1.
+    """
     c = [np.log((w - a) / (w + a))]
     c[0][on_element] = c[0][on_element].real + 1j * np.pi  # limit from the body, on the left
     c += [2 * a + w * c[0]]
@@ -144,16 +181,23 @@ def _moments(
     s = [-1 / (a - w) - 1 / (a + w)]
     s += [c[0] + w * s[0]]
     s += [c[1] + w * s[1]]
-    log_end, log_start = np.log(np.abs(a - w) / unit), np.log(np.abs(a + w) / unit)
-    logs = [(a ** (k + 1) * log_end - (-a) ** (k + 1) * log_start - c[k + 1].real) / (k + 1) for k in range(3)]
+    log_end = np.log(np.abs(a - w) / unit)
+    log_start = np.log(np.abs(a + w) / unit)
+    logs = [
+        (a ** (k + 1) * log_end - (-a) ** (k + 1) * log_start - c[k + 1].real) / (k + 1)
+        for k in range(3)
+    ]
     scale = a[:, None] ** -np.arange(3.0)
     powers = a[:, None] * np.array([2.0, 0.0, 2 / 3])
     return np.stack(logs, -1) * scale, np.stack(c[:3], -1) * scale, np.stack(s, -1) * scale, powers
 
 
 def _real(A: AnyArray, B: AnyArray) -> Array:
-    """Matrix (2n, 2n) of the map u -> A u + B u*, given as (n, m, 3), on real parts before imaginary ones."""
-    A, B = A.reshape(len(A), -1), B.reshape(len(B), -1)
+    """Matrix (2n, 2n) of the map u -> A u + B u*, given as (n, m, 3), on real parts before
+    imaginary ones.
+    """
+    A = A.reshape(len(A), -1)
+    B = B.reshape(len(B), -1)
     return np.block([[(A + B).real, (B - A).imag], [(A + B).imag, (A - B).real]])
 
 
@@ -162,14 +206,17 @@ def _split(values: AnyArray) -> Array:
 
 
 def _rigid_motion_terms(boundary: Boundary) -> Array:
-    """Terms that make the equations of a free body regular: the mean of each rigid motion acts on that motion."""
+    """Terms that make the equations of a free body regular: the mean of each rigid motion acts on
+    that motion.
+    """
     z = boundary.nodes / np.max(np.abs(boundary.nodes))
     rigid = _split(np.stack([np.ones(len(z)), 1j * np.ones(len(z)), 1j * z], axis=-1))
     weights = np.concatenate([boundary.weights, boundary.weights]) / np.sum(boundary.weights)
     return np.asarray(rigid @ (weights[:, None] * rigid).T)
 
 
-# Sizes of the elements. Halving all of them changes the compliances of forty random stages by at most 0.013 %.
+# Sizes of the elements. Halving all of them changes the compliances of forty random stages by at
+# most 0.013 %.
 ACROSS = 0.6  # in the neck, per neck
 GROWTH = 0.5  # per distance from the neck
 COARSEST = 0.35  # on the lug, per link width; twice that on the disc and the hub
@@ -180,25 +227,31 @@ BLOCK = 2.0  # length of the straight block, per link width
 
 
 def platform_compliance(stage: Stage, material: Elastic) -> Array:
-    """Return the compliance (9, 9) that the platform adds to the three chains: x, y, theta of chain 1, 2 and 3.
+    """Return the compliance (9, 9) that the platform adds to the three chains: x, y, theta of chain
+    1, 2 and 3.
 
     Raises BadInput when the platform cannot be drawn.
 
     Notes
     -----
-    A lug is not a beam. It adds the difference of two bodies, both cut in the neck under the stresses of a beam: the
-    drawn platform, and half the notch on a straight block, which the calibrated hinge includes. Where the hinges of the
-    chains differ, the coupling of two lugs is the mean of that of three lugs like the first and three like the second.
-    """
+    A lug is not a beam. It adds the difference of two bodies, both cut in the neck under the
+    stresses of a beam: the drawn platform, and half the notch on a straight block, which the
+    calibrated hinge includes. Where the hinges of the chains differ, the coupling of two lugs is
+    the mean of that of three lugs like the first and three like the second."""
     cut_angle(stage)  # refuses lugs with no rim between them
     E, nu, width, uniform = *map(float, material), stage.chain.link_width, list[Array]()
     for chain in CHAINS:
         left, right = (tuple(body_sides(stage, chain, side)[3]) for side in (1, -1))
         hinge = stage.hinge(chain, "platform")
-        compliance = _lug_compliance(left, right, necks(stage, chain)[2], hinge, width, stage.platform, nu)
+        compliance = _lug_compliance(
+            left, right, necks(stage, chain)[2], hinge, width, stage.platform, nu
+        )
         uniform.append(compliance / (E * stage.thickness))
-    coupled = np.array([[(uniform[i][i - j] + uniform[j][i - j]) / 2 for j in range(3)] for i in range(3)])
-    poses, rotations = [necks(stage, chain)[2] for chain in CHAINS], np.exp(1j * CHAIN_TURN * np.arange(3))
+    coupled = np.array(
+        [[(uniform[i][i - j] + uniform[j][i - j]) / 2 for j in range(3)] for i in range(3)]
+    )
+    poses = [necks(stage, chain)[2] for chain in CHAINS]
+    rotations = np.exp(1j * CHAIN_TURN * np.arange(3))
     axes = np.exp(1j * np.array([pose.heading for pose in poses])) * rotations
     J = freedom_motions(np.array([pose.point for pose in poses]) * rotations, axes)
     return np.asarray(np.einsum("ipa,ijab,jqb->ipjq", J, coupled, J).reshape(9, 9))
@@ -208,11 +261,15 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
 def _lug_compliance(
     left: Edge, right: Edge, neck: Pose, hinge: Hinge, width: float, platform: Platform, nu: float
 ) -> Array:
-    """Compliance (3, 3, 3) in excess of the hinge, at the necks of this and the next chains, of three equal lugs, by
-    moment, axial and transverse force on one neck; unit Young's modulus and thickness."""
-    disc, hub = platform.radius, platform.hub_radius
-    size, rotation = element_size(width, neck, hinge), cmath.exp(1j * CHAIN_TURN)
-    rim, circle = Segment(right[-1].end, left[-1].end * rotation, 0j), Segment(hub + 0j, hub * rotation.conjugate(), 0j)
+    """Compliance (3, 3, 3) in excess of the hinge, at the necks of this and the next chains, of
+    three equal lugs, by moment, axial and transverse force on one neck; unit Young's modulus and
+    thickness."""
+    disc = platform.radius
+    hub = platform.hub_radius
+    size = element_size(width, neck, hinge)
+    rotation = cmath.exp(1j * CHAIN_TURN)
+    rim = Segment(right[-1].end, left[-1].end * rotation, 0j)
+    circle = Segment(hub + 0j, hub * rotation.conjugate(), 0j)
     ring_size = min(max(RING * (disc - hub), THIN * hub), 2 * COARSEST * width)
     parts = [
         divided([Segment(left[0].start, right[0].start)], size, ARC_ANGLE),
@@ -228,18 +285,30 @@ def _lug_compliance(
 
 
 def _half_hinge(hinge: Hinge, width: float, nu: float) -> Array:
-    """Compliance (3, 3) of half a hinge about its neck: on a straight block, less the block as a beam; unit E and b."""
-    start, end, neck = hinge.radius, hinge.radius + BLOCK * width, Pose(0j, 0.0)
+    """Compliance (3, 3) of half a hinge about its neck: on a straight block, less the block as a
+    beam; unit E and b.
+    """
+    start = hinge.radius
+    end = hinge.radius + BLOCK * width
+    neck = Pose(0j, 0.0)
     left, right = (notch_side(neck, hinge, width, side)[1] for side in (1, -1))
-    edge, back = complex(end, -width / 2), complex(end, width / 2)
-    sides = [*right, *polyline(right[-1].end, edge)], [*polyline(back, left[-1].end), *reverse(left)]
+    edge = complex(end, -width / 2)
+    back = complex(end, width / 2)
+    sides = (
+        [*right, *polyline(right[-1].end, edge)],
+        [*polyline(back, left[-1].end), *reverse(left)],
+    )
     paths = [[Segment(left[0].start, right[0].start)], sides[0], [Segment(edge, back)], sides[1]]
-    boundary, part = joined([divided(path, element_size(width, neck, hinge), ARC_ANGLE) for path in paths])
+    boundary, part = joined(
+        [divided(path, element_size(width, neck, hinge), ARC_ANGLE) for path in paths]
+    )
     at_neck = beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
     moment, axial, shear = beam_stress(Pose(complex(end), 0.0), width, boundary.nodes, part == 2).T
     loads = at_neck - np.stack([moment, axial, shear - end * moment], axis=-1)
     (block,) = _compliance(boundary, loads, np.zeros(len(part), dtype=bool), nu) * 2 * (1 + nu)
-    bending = 12 / width**3 * np.array([end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3])
+    bending = (
+        12 / width**3 * np.array([end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3])
+    )
     beam = np.diag([bending[0], (end - start) / width, 0.0])
     beam[2, 2] = bending[2] + SHEAR_CORRECTION * 2 * (1 + nu) * (end - start) / width
     beam[0, 2] = beam[2, 0] = -bending[1]
@@ -247,7 +316,9 @@ def _half_hinge(hinge: Hinge, width: float, nu: float) -> Array:
 
 
 def element_size(width: float, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
-    """Return the function of a point that gives the largest element size, mm, on a link-wide body with a neck."""
+    """Return the function of a point that gives the largest element size, mm, on a link-wide body
+    with a neck.
+    """
 
     def size(point: complex) -> float:
         distance = max(0.0, abs(point - pose.point) - hinge.neck / 2)
@@ -263,7 +334,9 @@ def joined(parts: list[Boundary]) -> tuple[Boundary, AnyArray]:
 
 
 def beam_stress(pose: Pose, height: float, nodes: AnyArray, on_section: AnyArray) -> AnyArray:
-    """Return tractions (n, 3) on a section by unit moment, axial and transverse force: linear, constant, parabolic."""
+    """Return tractions (n, 3) on a section by unit moment, axial and transverse force: linear,
+    constant, parabolic.
+    """
     axis = cmath.exp(1j * pose.heading)
     y = ((nodes - pose.point) / axis).imag
     moment = -12 * y / height**3 * axis
@@ -272,8 +345,12 @@ def beam_stress(pose: Pose, height: float, nodes: AnyArray, on_section: AnyArray
     return np.where(on_section[:, None], stress, 0.0)
 
 
-def _compliance(boundary: Boundary, loads: AnyArray, fixed: AnyArray, poissons_ratio: float, copies: int = 1) -> Array:
-    """Compliance (copies, k, k) of each copy to loads on the first, unit G and thickness; made reciprocal."""
+def _compliance(
+    boundary: Boundary, loads: AnyArray, fixed: AnyArray, poissons_ratio: float, copies: int = 1
+) -> Array:
+    """Compliance (copies, k, k) of each copy to loads on the first, unit G and thickness; made
+    reciprocal.
+    """
     u = displacements(boundary, loads, fixed, poissons_ratio, copies)
     work = ((np.conj(loads) * boundary.weights[:, None]).T @ u).real
     reciprocal = np.swapaxes(work[-np.arange(copies)], -1, -2)
@@ -286,14 +363,19 @@ RADII = 32  # Gauss points across a curved bar, in the logarithm of the radius
 
 @once
 def body_compliance(stage: Stage) -> Array:
-    """Return the compliance (9, 9) that pads, links and platform add to the chains: x, y, theta of chain 1, 2 and 3.
+    """Return the compliance (9, 9) that pads, links and platform add to the chains: x, y, theta of
+    chain 1, 2 and 3.
 
     Raises BadInput when they cannot be drawn.
     """
     material = stage.elastic
     bars = np.zeros((3, 3, 3, 3))
     for chain in CHAINS:
-        pieces = [bar_density(stage, material, segment)[0] for line in centrelines(stage, chain) for segment in line]
+        pieces = [
+            bar_density(stage, material, segment)[0]
+            for line in centrelines(stage, chain)
+            for segment in line
+        ]
         R = chain_rotation(chain - 1)
         bars[chain - 1, :, chain - 1] = R @ np.sum(pieces, axis=(0, 1)) @ R.T
     return bars.reshape(9, 9) + platform_compliance(stage, material)
@@ -302,35 +384,47 @@ def body_compliance(stage: Stage) -> Array:
 def bar_density(
     stage: Stage, material: Elastic, segment: Segment, first: float = 0.0, last: float = 1.0
 ) -> tuple[Array, Array]:
-    """Return compliances (q, 3, 3) at the platform of pieces of one line or arc from a `first` to a `last` fraction of
-    its length, and the fractions (q,) of the pieces."""
+    """Return compliances (q, 3, 3) at the platform of pieces of one line or arc from a `first` to a
+    `last` fraction of its length, and the fractions (q,) of the pieces."""
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     fraction = first + (last - first) * (nodes + 1) / 2
     if segment.centre is None:
-        places, (E, nu), width = segment.at(fraction), material, stage.chain.link_width
-        density = np.diag([12 / width**2, 1.0, SHEAR_CORRECTION * 2 * (1 + nu)]) / (E * stage.thickness * width)
+        places = segment.at(fraction)
+        E, nu = material
+        width = stage.chain.link_width
+        density = np.diag([12 / width**2, 1.0, SHEAR_CORRECTION * 2 * (1 + nu)]) / (
+            E * stage.thickness * width
+        )
     else:
-        places, side = np.full(POINTS, segment.centre), float(np.sign(segment.turn))
-        density = _curved(stage, material, abs(segment.start - segment.centre)) * np.outer([side, 1, 1], [side, 1, 1])
+        places = np.full(POINTS, segment.centre)
+        side = float(np.sign(segment.turn))
+        density = _curved(stage, material, abs(segment.start - segment.centre)) * np.outer(
+            [side, 1, 1], [side, 1, 1]
+        )
     J = freedom_motions(places, segment.tangent(fraction))
     lengths = weights / 2 * segment.length * (last - first)
     return np.asarray(np.einsum("q,qia,ab,qjb->qij", lengths, J, density, J)), fraction
 
 
 def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
-    """Compliance per length (3, 3) of a curved bar to moment, axial force and shear at the centre of curvature.
+    """Compliance per length (3, 3) of a curved bar to moment, axial force and shear at the centre
+    of curvature.
 
     Notes
     -----
-    It uses the exact plane stresses of `bend_stresses`: a sharp bend (b/a = 9) is 44 % softer than Winkler's bar.
-    """
-    (E, nu), width = material, stage.chain.link_width
-    a, b = radius - width / 2, radius + width / 2
+    It uses the exact plane stresses of `bend_stresses`: a sharp bend (b/a = 9) is 44 % softer than
+    Winkler's bar."""
+    E, nu = material
+    width = stage.chain.link_width
+    a = radius - width / 2
+    b = radius + width / 2
     nodes, weights = np.polynomial.legendre.leggauss(RADII)
     r = a * (b / a) ** ((nodes + 1) / 2)
     dr = weights / 2 * np.log(b / a) * r
     bending, tension, shear, radial = bend_stresses(a, b, r)
-    stress = np.array([[radial, bending], [shear, tension]])  # by moment and by axial force, radial and tangential
+    stress = np.array(
+        [[radial, bending], [shear, tension]]
+    )  # by moment and by axial force, radial and tangential
     hooke = np.array([[1, -nu], [-nu, 1]])
     density = np.zeros((3, 3))
     density[:2, :2] = np.einsum("ian,ab,jbn,n->ij", stress, hooke, stress, r * dr)
@@ -338,26 +432,31 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     return density / (E * stage.thickness * radius)
 
 
-CORNER = 1 / 100  # size of elements at the clamped corners, per link width; it grows as from the neck
+CORNER = (
+    1 / 100
+)  # size of elements at the clamped corners, per link width; it grows as from the neck
 
 
 @once
 def edge_motions(stage: Stage, neck_factor: float = 1.0) -> Array:
-    """Return motions (3 chains, 3, 3 cases) of the platform, hinges at rest, by strain and bow of the clamped edges.
+    """Return motions (3 chains, 3, 3 cases) of the platform, hinges at rest, by strain and bow of
+    the clamped edges.
 
-    They are per difference of the expansions of frame and stage, for 1 K, 1 K/mm along x and 1 K/mm along y about the
-    platform's centre. `neck_factor` multiplies the necks of the base hinges.
+    They are per difference of the expansions of frame and stage, for 1 K, 1 K/mm along x and 1 K/mm
+    along y about the platform's centre. `neck_factor` multiplies the necks of the base hinges.
 
     Notes
     -----
-    From the middle z of the edge of a pad along e, at z + i e eta, the free fields `z`, `z^2/2`, `-i z^2/2` of x + iy
-    differ from a rigid motion by a strain of 1, Re z, Im z and a bow of `-(e eta)^2/2` and `i (e eta)^2/2`. The neck at
-    the end of the pad carries no load and moves as a rigid body.
-    """
-    width, nu = stage.chain.link_width, float(stage.elastic.poissons_ratio)
+    From the middle z of the edge of a pad along e, at z + i e eta, the free fields `z`, `z^2/2`,
+    `-i z^2/2` of x + iy differ from a rigid motion by a strain of 1, Re z, Im z and a bow of `-(e
+    eta)^2/2` and `i (e eta)^2/2`. The neck at the end of the pad carries no load and moves as a
+    rigid body."""
+    width = stage.chain.link_width
+    nu = float(stage.elastic.poissons_ratio)
     motions = np.zeros((3, 3, 3))
     for k, chain in enumerate(CHAINS):
-        hinge, neck = stage.hinge(chain, "base"), necks(stage, chain)[0]
+        hinge = stage.hinge(chain, "base")
+        neck = necks(stage, chain)[0]
         pad = _pad_motion(hinge.model_copy(update={"neck": neck_factor * hinge.neck}), width, nu)
         e = cmath.exp(1j * (neck.heading + k * CHAIN_TURN))
         z = neck.ahead(-hinge.radius - width).point * cmath.exp(1j * k * CHAIN_TURN)
@@ -370,23 +469,32 @@ def edge_motions(stage: Stage, neck_factor: float = 1.0) -> Array:
 
 @lru_cache(CACHE_SIZE)
 def _pad_motion(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
-    """Motion (3, 3) of the neck of a clamped pad at the middle of the edge: axial, transverse, rotation.
+    """Motion (3, 3) of the neck of a clamped pad at the middle of the edge: axial, transverse,
+    rotation.
 
-    The edge, eta to the left from its middle, has three displacements: eta along itself; eta^2/2 ahead; eta^2/2 along.
-    """
-    neck, middle = Pose(0j, 0.0), -hinge.radius - width + 0j
+    The edge, eta to the left from its middle, has three displacements: eta along itself; eta^2/2
+    ahead; eta^2/2 along."""
+    neck = Pose(0j, 0.0)
+    middle = -hinge.radius - width + 0j
     corners = middle + 0.5j * width, middle - 0.5j * width
     walls = [notch_side(neck, hinge, width, side)[0] for side in (1, -1)]
-    left, right = ([*polyline(c, wall[0].start), *wall] for c, wall in zip(corners, walls, strict=True))
-    edge, end = Segment(*corners), Segment(right[-1].end, left[-1].end)
+    left, right = (
+        [*polyline(c, wall[0].start), *wall] for c, wall in zip(corners, walls, strict=True)
+    )
+    edge = Segment(*corners)
+    end = Segment(right[-1].end, left[-1].end)
     size = element_size(width, neck, hinge)
 
     def graded_size(point: complex) -> float:
         distance = min(abs(point - edge.start), abs(point - edge.end))
         return min(size(point), CORNER * width + GROWTH * distance)
 
-    boundary, part = joined([divided(path, graded_size, ARC_ANGLE) for path in ([edge], right, [end], reverse(left))])
-    outward = np.repeat(-1j * (boundary.end - boundary.start) / np.abs(boundary.end - boundary.start), 3)
+    boundary, part = joined(
+        [divided(path, graded_size, ARC_ANGLE) for path in ([edge], right, [end], reverse(left))]
+    )
+    outward = np.repeat(
+        -1j * (boundary.end - boundary.start) / np.abs(boundary.end - boundary.start), 3
+    )
     field, traction = _edge_fields(boundary.nodes - middle, outward, poissons_ratio)
     u = field + displacements(boundary, -traction, part == 0, poissons_ratio)[0]
     stress = beam_stress(neck, hinge.neck, boundary.nodes, part == 2)
@@ -395,12 +503,23 @@ def _pad_motion(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
 
 
 def _edge_fields(z: AnyArray, normal: AnyArray, poissons_ratio: float) -> tuple[AnyArray, AnyArray]:
-    """Displacements in equilibrium (n, 3) with the three displacements of the edge, and tractions; unit shear modulus.
+    """Displacements in equilibrium (n, 3) with the three displacements of the edge, and tractions;
+    unit shear modulus.
 
-    Their stresses along the edge are E; -E xi; E eta with a shear stress of -E xi, where xi is ahead of the edge.
-    """
-    nu, x, y = poissons_ratio, z.real, z.imag
-    E, zero = 2 * (1 + nu), np.zeros(len(z))
-    u = [-nu * x + 1j * y, (nu * x**2 + y**2) / 2 - 1j * x * y, -nu * x * y + 0.5j * (y**2 - (2 + nu) * x**2)]
-    sigma_yy, tau_xy = E * np.stack([zero + 1, -x, y]), E * np.stack([zero, zero, -x])
-    return np.stack(u, axis=-1), (tau_xy * normal.imag + 1j * (tau_xy * normal.real + sigma_yy * normal.imag)).T
+    Their stresses along the edge are E; -E xi; E eta with a shear stress of -E xi, where xi is
+    ahead of the edge."""
+    nu = poissons_ratio
+    x = z.real
+    y = z.imag
+    E = 2 * (1 + nu)
+    zero = np.zeros(len(z))
+    u = [
+        -nu * x + 1j * y,
+        (nu * x**2 + y**2) / 2 - 1j * x * y,
+        -nu * x * y + 0.5j * (y**2 - (2 + nu) * x**2),
+    ]
+    sigma_yy = E * np.stack([zero + 1, -x, y])
+    tau_xy = E * np.stack([zero, zero, -x])
+    return np.stack(u, axis=-1), (
+        tau_xy * normal.imag + 1j * (tau_xy * normal.real + sigma_yy * normal.imag)
+    ).T

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from flexfem.analytic import network
 from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.network import GROUND, Network
-from flexfem.analytic.paper import KINDS, Freedoms, PaperModel, freedoms_of, mechanism, rank_revealing, stiffness
+from flexfem.analytic.paper import (
+    KINDS,
+    Freedoms,
+    PaperModel,
+    freedoms_of,
+    mechanism,
+    rank_revealing,
+    stiffness,
+)
 from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, brief, inverse
 from flexfem.files.tables import once
@@ -29,13 +37,20 @@ from flexfem.units import PLANES
 if TYPE_CHECKING:
     from flexfem.mechanism.stage import Stage
 
-DEFAULT_FORMULA, CALIBRATED = "paros-weisbord", "calibrated"
+DEFAULT_FORMULA = "paros-weisbord"
+CALIBRATED = "calibrated"
 OFF_CHART = "t/R off the hinge chart"
 OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
 NOT_POSITIVE = "no positive compliance by its formula"
-TRIAL_NECKS = np.outer(10.0 ** np.arange(-6, 4), (1.0, 2.0, 5.0)).ravel()  # mm, smallest widths to be recommended
-LINK_BODIES = tuple((1 + 2 * chain, 2 + 2 * chain) for chain in range(3))  # of every chain; the platform is body 0
-JOINTS = tuple(ends for first, last in LINK_BODIES for ends in ((GROUND, first), (first, last), (last, 0)))
+TRIAL_NECKS = np.outer(
+    10.0 ** np.arange(-6, 4), (1.0, 2.0, 5.0)
+).ravel()  # mm, smallest widths to be recommended
+LINK_BODIES = tuple(
+    (1 + 2 * chain, 2 + 2 * chain) for chain in range(3)
+)  # of every chain; the platform is body 0
+JOINTS = tuple(
+    ends for first, last in LINK_BODIES for ends in ((GROUND, first), (first, last), (last, 0))
+)
 PLATFORM_HINGES = (2, 5, 8)  # in `JOINTS`
 
 
@@ -44,7 +59,8 @@ class PlatformAtRest(NamedTuple):
 
     stiffness : (n, 3, 3), N/mm, N, N mm; nan for a singular design.
     wrench : internal forces of the necks per displacement, (n, 3 chains, 3 hinges, 3 directions).
-    stress : (n, 3, 3, 3), largest von Mises stress at each neck per displacement in each direction, the others held:
+    stress : (n, 3, 3, 3), largest von Mises stress at each neck per displacement in each direction,
+    the others held:
         MPa per mm, per rad.
     base_rotation : (n, 3), largest rotation of a base hinge per displacement: rad per mm, per rad.
     """
@@ -61,7 +77,8 @@ class AnalyticResult(NamedTuple):
 
     stiffness, compliance : (3, 3) of the platform in x, y, Phi: mm, N, rad.   mobility : by (1).
     freedoms, hinges : of each hinge, 3 chains by 3 hinges.   formula : of the hinges.
-    links : whether pads, links and platform are elastic.   plane : the reduction to a plane problem.
+    links : whether pads, links and platform are elastic.   plane : the reduction to a plane
+    problem.
     wrench, stress : as in `PlatformAtRest`, (3 chains, 3 hinges, 3 directions).
     """
 
@@ -82,46 +99,69 @@ class AnalyticResult(NamedTuple):
         return _model_name(self.formula, self.links, self.mobility, self.plane)
 
     def neck_stress(self, stage: Stage, poses: Array) -> Array:
-        """Return the largest von Mises stress (..., 3 chains, 3 hinges), MPa, at poses (..., 3) of the stage."""
+        """Return the largest von Mises stress (..., 3 chains, 3 hinges), MPa, at poses (..., 3) of
+        the stage.
+        """
         design = lower(stage)
-        wrench = Wrench(*(np.einsum("cnd,...d->...cn", part, poses)[..., None] for part in self.wrench))
+        wrench = Wrench(
+            *(np.einsum("cnd,...d->...cn", part, poses)[..., None] for part in self.wrench)
+        )
         raised = Concentration(*(part[0] for part in stress_raised(design)))
         return neck_stress(wrench, design.neck[0], design.thickness[0], raised)[..., 0]
 
 
 def hinge_compliances(designs: Designs, formula: str) -> Compliance:
-    """Return the compliances of all hinges, fields (n, 3 chains, 3 hinges), in the designs' plane; nan off a chart.
+    """Return the compliances of all hinges, fields (n, 3 chains, 3 hinges), in the designs' plane;
+    nan off a chart.
 
     Raises BadInput for an unknown formula.
     """
-    b, H, nu = (values[:, None, None] for values in (designs.thickness, designs.link_width, designs.poissons_ratio))
+    b, H, nu = (
+        values[:, None, None]
+        for values in (designs.thickness, designs.link_width, designs.poissons_ratio)
+    )
     E, effective_nu = (values[:, None, None] for values in designs.elastic)
-    hinges = formulas.formula(formula).compliance(designs.radius, designs.neck, b, E, effective_nu, H)
+    hinges = formulas.formula(formula).compliance(
+        designs.radius, designs.neck, b, E, effective_nu, H
+    )
     if designs.plane != "corrected":
         return hinges
     factors = chart.thickness_factors(designs.radius, designs.neck, b, nu)
-    return Compliance(*(compliance * factor for compliance, factor in zip(hinges, factors, strict=True)))
+    return Compliance(
+        *(compliance * factor for compliance, factor in zip(hinges, factors, strict=True))
+    )
 
 
 def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
-    """Return whether the formula is valid for each hinge (n, 3, 3). Raises BadInput for an unknown formula."""
-    return formulas.formula(formula).in_range(designs.radius, designs.neck, designs.link_width[:, None, None])
+    """Return whether the formula is valid for each hinge (n, 3, 3). Raises BadInput for an unknown
+    formula.
+    """
+    return formulas.formula(formula).in_range(
+        designs.radius, designs.neck, designs.link_width[:, None, None]
+    )
 
 
 def _is_valid(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
-    """Return whether the formula and the thickness chart cover each hinge (n, 3, 3), by the reason if not."""
+    """Return whether the formula and the thickness chart cover each hinge (n, 3, 3), by the reason
+    if not.
+    """
     valid = {}
     if formulas.formula(formula).charted:
         valid[OFF_CHART] = formulas.formula(formula).in_range(designs.radius, designs.neck)
     if designs.plane == "corrected":
-        b, nu = designs.thickness[:, None, None], designs.poissons_ratio[:, None, None]
-        valid[OFF_THICKNESS] = chart.thickness_chart().covers(designs.neck / designs.radius, b / designs.neck, nu)
+        b = designs.thickness[:, None, None]
+        nu = designs.poissons_ratio[:, None, None]
+        valid[OFF_THICKNESS] = chart.thickness_chart().covers(
+            designs.neck / designs.radius, b / designs.neck, nu
+        )
     valid[NOT_POSITIVE] = np.minimum(np.minimum(hinges.rotation, hinges.axial), hinges.shear) > 0
     return valid
 
 
 def invalid_hinges(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
-    """Return, by table of the hinge and reason, the designs whose hinges the formula or a chart does not cover."""
+    """Return, by table of the hinge and reason, the designs whose hinges the formula or a chart
+    does not cover.
+    """
     return [
         Broken(f"hinges.{name}: {reason}", ~np.all(valid[:, :, position], axis=1))
         for reason, valid in _is_valid(designs, formula, hinges).items()
@@ -129,27 +169,43 @@ def invalid_hinges(designs: Designs, formula: str, hinges: Compliance) -> list[B
     ]
 
 
-def network_of(frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> Network:
-    """Return the stages as networks of the platform and the links of chain 1, 2 and 3, joined by the nine hinges.
+def network_of(
+    frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None
+) -> Network:
+    """Return the stages as networks of the platform and the links of chain 1, 2 and 3, joined by
+    the nine hinges.
 
-    bodies : (..., 9, 9), compliance of elastic bodies at the platform's hinges, as from `body_compliance`.
-    """
-    allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms])
-    rotation, axial, shear = (np.asarray(part) * allowed[..., kind] for kind, part in enumerate(hinges))
+    bodies : (..., 9, 9), compliance of elastic bodies at the platform's hinges, as from
+    `body_compliance`."""
+    allowed = np.array(
+        [[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms]
+    )
+    rotation, axial, shear = (
+        np.asarray(part) * allowed[..., kind] for kind, part in enumerate(hinges)
+    )
     C = network.joint_compliance(frames.centres, frames.axes, rotation, axial, shear)
-    return Network(7, 0, JOINTS, C.reshape(*C.shape[:-4], len(JOINTS), 3, 3), PLATFORM_HINGES, bodies)
+    return Network(
+        7, 0, JOINTS, C.reshape(*C.shape[:-4], len(JOINTS), 3, 3), PLATFORM_HINGES, bodies
+    )
 
 
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:
-    """Return the neck forces (..., 3 chains, 3 hinges, k) of wrenches (..., 3 chains, 3 hinges, 3, k) at the origin."""
+    """Return the neck forces (..., 3 chains, 3 hinges, k) of wrenches (..., 3 chains, 3 hinges, 3,
+    k) at the origin.
+    """
     F_x, F_y, M = (wrenches[..., row, :] for row in range(3))
-    x, y = frames.centres[..., 0, None], frames.centres[..., 1, None]
-    c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
+    x = frames.centres[..., 0, None]
+    y = frames.centres[..., 1, None]
+    c = np.cos(frames.axes)[..., None]
+    s = np.sin(frames.axes)[..., None]
     return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y, c * F_y - s * F_x)
 
 
-def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> PlatformAtRest:
-    """Return the response of n designs at rest with hinges of compliances (n, 3, 3); the stiffness is that of (18).
+def at_rest(
+    designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None
+) -> PlatformAtRest:
+    """Return the response of n designs at rest with hinges of compliances (n, 3, 3); the stiffness
+    is that of (18).
 
     bodies : (n, 9, 9), of `body_compliance`; None where pads, links and platform are rigid.
     """
@@ -163,7 +219,9 @@ def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Ar
 def stiffness_with_necks(
     stage: Stage, necks: Array, formula: str, freedoms: Freedoms, bodies: Array | None = None
 ) -> Array:
-    """Return the stiffness (n, 3, 3) of a stage with other necks (n, 3, 3), mm, the same bodies; nan off a chart."""
+    """Return the stiffness (n, 3, 3) of a stage with other necks (n, 3, 3), mm, the same bodies;
+    nan off a chart.
+    """
     designs = lower(stage).repeated(len(necks))
     designs.neck[:] = necks
     with np.errstate(all="ignore"):
@@ -183,10 +241,10 @@ def analyse(
 
     Raises
     ------
-    BadInput: mobility or formula is not known, a neck is far thinner than the others, or as for `hinge_compliance`.
-    ComputationFailed: the stage is at a singular configuration.
-    """
-    design, hinges = lower(stage), hinge_compliance(stage, formula)
+    BadInput: mobility or formula is not known, a neck is far thinner than the others, or as for
+    `hinge_compliance`. ComputationFailed: the stage is at a singular configuration."""
+    design = lower(stage)
+    hinges = hinge_compliance(stage, formula)
     freedoms = freedoms_of(21 if links else mobility, design.prismatic)
     bodies = body_compliance(stage)[None] if links else None
     platform = at_rest(design, Compliance(*(part[None] for part in hinges)), freedoms, bodies)
@@ -195,9 +253,11 @@ def analyse(
     if np.isnan(compliance).any():
         _refuse_thin_neck(stage, formula, freedoms, bodies)
         raise ComputationFailed(
-            f"stage {stage.name!r} is at a singular configuration at rest: a chain has no compliance in some direction"
+            f"stage {stage.name!r} is at a singular configuration at rest: a chain has no "
+            "compliance in some direction"
         )
-    wrench, stress = Wrench(*(part[0] for part in platform.wrench)), platform.stress[0]
+    wrench = Wrench(*(part[0] for part in platform.wrench))
+    stress = platform.stress[0]
     settings = (mobility_of(freedoms), freedoms, formula, hinges, links)
     return AnalyticResult(K, compliance, *settings, wrench, stress, stage.model)
 
@@ -217,10 +277,16 @@ class ModelChoice(NamedTuple):
         return _model_name(self.formula, self.links, mobility, self.stage.model)
 
 
-def choose(stage: Stage, mobility: int | None, formula: str | None, links: bool, warnings: list[str]) -> ModelChoice:
-    """Return the requested model in the plane of the stage's file, or `best_model` by default. Raises BadInput."""
+def choose(
+    stage: Stage, mobility: int | None, formula: str | None, links: bool, warnings: list[str]
+) -> ModelChoice:
+    """Return the requested model in the plane of the stage's file, or `best_model` by default.
+    Raises BadInput.
+    """
     if links and mobility not in (None, 21):
-        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links need all freedoms")
+        raise BadInput(
+            f"links with mobility {mobility}, expected 21 or None: elastic links need all freedoms"
+        )
     if mobility is None and formula is None and not links:
         return best_model(stage, warnings)
     name = DEFAULT_FORMULA if formula is None else formula
@@ -230,11 +296,11 @@ def choose(stage: Stage, mobility: int | None, formula: str | None, links: bool,
 
 
 def best_model(stage: Stage, warnings: list[str]) -> ModelChoice:
-    """Return the default model of every question: calibrated hinges, corrected for thickness, and elastic links.
+    """Return the default model of every question: calibrated hinges, corrected for thickness, and
+    elastic links.
 
-    A `model` in the stage file is kept. Where a chart does not cover a hinge, the default formula or
-    plane stress is used, and a warning is added.
-    """
+    A `model` in the stage file is kept. Where a chart does not cover a hinge, the default formula
+    or plane stress is used, and a warning is added."""
     formula = CALIBRATED
     try:
         hinge_compliance(stage, formula)
@@ -259,27 +325,36 @@ def corrected(stage: Stage) -> Stage:
 
 
 def _refuse_thin_neck(stage: Stage, formula: str, freedoms: Freedoms, bodies: Array | None) -> None:
-    """Refuse the thinnest neck of a stage without a solution if the stage has one with wider thin necks."""
+    """Refuse the thinnest neck of a stage without a solution if the stage has one with wider thin
+    necks.
+    """
     design = lower(stage)
     chain, position = np.unravel_index(np.argmin(design.neck[0]), (3, 3))
     trial = TRIAL_NECKS[(np.min(design.neck) < TRIAL_NECKS) & (np.max(design.neck) > TRIAL_NECKS)]
-    K = stiffness_with_necks(stage, np.maximum(design.neck, trial[:, None, None]), formula, freedoms, bodies)
+    K = stiffness_with_necks(
+        stage, np.maximum(design.neck, trial[:, None, None]), formula, freedoms, bodies
+    )
     solvable = trial[~np.isnan(inverse(K)).any(axis=(1, 2))]
     if len(solvable):
         name = HINGE_NAMES[position]
-        key, neck = key_of(stage, int(chain) + 1, name, "neck_mm"), stage.hinge(int(chain) + 1, name).neck
+        key = key_of(stage, int(chain) + 1, name, "neck_mm")
+        neck = stage.hinge(int(chain) + 1, name).neck
         with located(stage):
             raise BadInput(
-                f"{key} = {neck:g}: this neck is so much thinner than others, of up to {np.max(design.neck):g} mm, "
-                f"that the stiffness cannot be computed to working precision, expected >= {solvable[0]:g}"
+                f"{key} = {neck:g}: this neck is so much thinner than others, of up to "
+                f"{np.max(design.neck):g} mm, that the stiffness cannot be computed to working "
+                f"precision, expected >= {solvable[0]:g}"
             )
 
 
-def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA) -> PaperModel:
-    """Return the paper's model of the stage, for any load and configuration; arguments as for `analyse`.
+def assemble(
+    stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA
+) -> PaperModel:
+    """Return the paper's model of the stage, for any load and configuration; arguments as for
+    `analyse`.
 
-    Six other joints are dependent where the independent joints of the paper do not determine the rest.
-    """
+    Six other joints are dependent where the independent joints of the paper do not determine the
+    rest."""
     freedoms = freedoms_of(mobility, lower(stage).prismatic)
     model = mechanism(stage_frames(stage), hinge_compliance(stage, formula), freedoms)
     if np.isnan(stiffness(model).K_uu).any():
@@ -290,9 +365,8 @@ def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_F
 def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance:
     """Return the compliances of the nine hinges of one stage, fields (3 chains, 3 hinges).
 
-    Raises BadInput for a stage that cannot be made, an unknown formula, and a hinge that the formula or the thickness
-    chart of a "corrected" model does not cover.
-    """
+    Raises BadInput for a stage that cannot be made, an unknown formula, and a hinge that the
+    formula or the thickness chart of a "corrected" model does not cover."""
     check_closed_form(stage)
     with np.errstate(all="ignore"):  # invalid values are refused below
         hinges = hinge_compliances(lower(stage), formula)
@@ -309,14 +383,22 @@ def _model_name(formula: str, links: bool, mobility: int, plane: Plane) -> str:
 
 def _refusal(reason: str, stage: Stage, formula: str, chain: int, position: int) -> str:
     """Return the text that refuses a hinge: key, value and expected values."""
-    hinge, b, nu = stage.hinge(chain, HINGE_NAMES[position]), stage.thickness, stage.material.poissons_ratio
+    hinge = stage.hinge(chain, HINGE_NAMES[position])
+    b = stage.thickness
+    nu = stage.material.poissons_ratio
     tau = hinge.neck / hinge.radius
     neck = f"{key_of(stage, chain, HINGE_NAMES[position], 'neck_mm')} = {hinge.neck:g}"
     if reason == OFF_CHART:
         low, high = formulas.formula(formula).valid
-        return f"{neck}: t/R = {tau:.4g} is not on the hinge chart of formula {formula!r}, expected {low:g} to {high:g}"
+        return (
+            f"{neck}: t/R = {tau:.4g} is not on the hinge chart of formula {formula!r}, expected "
+            f"{low:g} to {high:g}"
+        )
     if reason == OFF_THICKNESS:
         values = f"t/R = {tau:.4g}, b/t = {b / hinge.neck:.4g}, nu = {nu:.4g}"
         ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().ends)
         return f'{neck}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
-    return f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected another one"
+    return (
+        f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected "
+        "another one"
+    )

@@ -1,22 +1,23 @@
 """Statics of networks of rigid bodies and elastic joints at rest, for n designs at once.
 
-With the twists U of the bodies, the wrenches w in the joints, both at the global origin, the openings e of the joints
-(strokes, commanded joints, thermal expansion) and the loads F on the bodies,
+With the twists U of the bodies, the wrenches w in the joints, both at the global origin, the
+openings e of the joints (strokes, commanded joints, thermal expansion) and the loads F on the
+bodies,
 
     G U - C w = e,    G' w = F,
 
-where G subtracts the twist of a joint's near body from that of its far one. C of a joint may be singular, as for an
-ideal pivot; the sum over the joints of a path may not.
+where G subtracts the twist of a joint's near body from that of its far one. C of a joint may be
+singular, as for an ideal pivot; the sum over the joints of a path may not.
 
-Each body that is not the output and has exactly two joints lies on a path. Joints in series along a path add their
-compliances, so the paths between the other bodies, which are kept, are reduced first. A joint then carries the wrench
-of its path and Q, the loads on the path's bodies distal to it:
+Each body that is not the output and has exactly two joints lies on a path. Joints in series along a
+path add their compliances, so the paths between the other bodies, which are kept, are reduced
+first. A joint then carries the wrench of its path and Q, the loads on the path's bodies distal to
+it:
 
     A = sum C,  B = sum C Q,  D = sum Q' C Q,    G V - A w = B + sum e,    G' w = F,
 
-with V the twists of the kept bodies and w the wrenches of the paths. The displacements conjugate to the loads are then
-`F' V + B' w + D`.
-"""
+with V the twists of the kept bodies and w the wrenches of the paths. The displacements conjugate to
+the loads are then `F' V + B' w + D`."""
 
 from __future__ import annotations
 
@@ -33,13 +34,17 @@ STILL = 1e-13  # relative to the largest compliance of a mode; smaller ones are 
 
 
 class Network(NamedTuple):
-    """Mechanisms of one topology, leading axes (...) designs; twists and wrenches x, y, theta at the global origin.
+    """Mechanisms of one topology, leading axes (...) designs; twists and wrenches x, y, theta at
+    the global origin.
 
     bodies : number of moving bodies.   output : the body whose stiffness is computed.
     joints : near and far body of each of the m joints; `GROUND` for the ground.
-    compliance : (..., m, 3, 3), motion of the far body relative to the near one per wrench in the joint.
-    coupled : c joints of elastic bodies, body by body; a joint between two such bodies is listed twice.
-    coupling : (..., 3 c, 3 c), compliance of these bodies at their joints, added to that of the joints; None where all
+    compliance : (..., m, 3, 3), motion of the far body relative to the near one per wrench in the
+    joint.
+    coupled : c joints of elastic bodies, body by body; a joint between two such bodies is listed
+    twice.
+    coupling : (..., 3 c, 3 c), compliance of these bodies at their joints, added to that of the
+    joints; None where all
         bodies are rigid.
     """
 
@@ -52,8 +57,8 @@ class Network(NamedTuple):
 
 
 class InternalMotions(NamedTuple):
-    """Motions of elastic bodies under k loads while the joints carry no wrench: openings (..., m, 3, k) of the joints,
-    and displacements (..., k, k) conjugate to the loads."""
+    """Motions of elastic bodies under k loads while the joints carry no wrench: openings (..., m,
+    3, k) of the joints, and displacements (..., k, k) conjugate to the loads."""
 
     openings: Array
     motions: Array
@@ -62,10 +67,12 @@ class InternalMotions(NamedTuple):
 class Topology(NamedTuple):
     """The K kept bodies, the output first, and the P paths of joints in series between them.
 
-    paths : joints of each path.   signs : (P, m), -1 where a path meets a joint's far body first, zero off the path.
-    G : (3 P, 3 K), of the paths.   kept_loads : (K, bodies), loads on bodies that act on the kept ones.
-    joint_loads : (m, bodies), loads on bodies that joints carry in addition to the wrench of their path.
-    """
+    paths : joints of each path.   signs : (P, m), -1 where a path meets a joint's far body first,
+    zero off the path.
+    G : (3 P, 3 K), of the paths.   kept_loads : (K, bodies), loads on bodies that act on the kept
+    ones.
+    joint_loads : (m, bodies), loads on bodies that joints carry in addition to the wrench of their
+    path."""
 
     kept: tuple[int, ...]
     paths: tuple[tuple[int, ...], ...]
@@ -76,7 +83,9 @@ class Topology(NamedTuple):
 
 
 class OutputStiffness(NamedTuple):
-    """Stiffness `matrix` (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in the joints per twist of it."""
+    """Stiffness `matrix` (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in the joints per
+    twist of it.
+    """
 
     matrix: Array
     wrenches: Array
@@ -86,8 +95,8 @@ class MotionUnderLoads(NamedTuple):
     """Response to k loads and openings.
 
     output : (..., 3, k), twist of the output.   wrenches : (..., m, 3, k), in the joints.
-    motions : (..., k, k), displacements conjugate to the loads (rows) under the loads and openings (columns).
-    """
+    motions : (..., k, k), displacements conjugate to the loads (rows) under the loads and openings
+    (columns)."""
 
     output: Array
     wrenches: Array
@@ -104,15 +113,25 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
     for joint, ends in enumerate(joints):
         for body in ends:
             joints_at[body].append(joint)
-    kept = (output, *(body for body in range(bodies) if body != output and len(joints_at[body]) != 2))
-    kept_loads, joint_loads = np.zeros((len(kept), bodies)), np.zeros((len(joints), bodies))
+    kept = (
+        output,
+        *(body for body in range(bodies) if body != output and len(joints_at[body]) != 2),
+    )
+    kept_loads = np.zeros((len(kept), bodies))
+    joint_loads = np.zeros((len(joints), bodies))
     kept_loads[range(len(kept)), kept] = 1.0
-    paths, signs, incidence, reached = list[tuple[int, ...]](), list[Array](), list[Array](), {*kept}
+    paths = list[tuple[int, ...]]()
+    signs = list[Array]()
+    incidence = list[Array]()
+    reached = {*kept}
     for start in (GROUND, *kept):
         for joint in joints_at[start]:
             if any(joint in path for path in paths):
                 continue
-            body, path, sign, row = start, list[int](), np.zeros(len(joints)), np.zeros(len(kept))
+            body = start
+            path = list[int]()
+            sign = np.zeros(len(joints))
+            row = np.zeros(len(kept))
             while True:
                 near, far = joints[joint]
                 path.append(joint)
@@ -138,8 +157,8 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
 
 
 def freedom_motions(places: AnyArray, axes: AnyArray) -> Array:
-    """Return the motions (..., 3, 3) of the origin, x, y, theta, per rotation, axial and shear motion of joints at
-    complex places (...) with complex unit vectors (...) along their axes."""
+    """Return the motions (..., 3, 3) of the origin, x, y, theta, per rotation, axial and shear
+    motion of joints at complex places (...) with complex unit vectors (...) along their axes."""
     zero = np.zeros(places.shape)
     rotation = np.stack([places.imag, -places.real, zero + 1], axis=-1)
     axial = np.stack([axes.real, axes.imag, zero], axis=-1)
@@ -148,40 +167,54 @@ def freedom_motions(places: AnyArray, axes: AnyArray) -> Array:
 
 
 def ground_motions(places: ArrayLike) -> Array:
-    """Return rigid motions (..., 3, 3 cases) of the origin, x, y, theta, with which the ground at complex places (...)
-    follows a free plate of unit expansion.
+    """Return rigid motions (..., 3, 3 cases) of the origin, x, y, theta, with which the ground at
+    complex places (...) follows a free plate of unit expansion.
 
     Notes
     -----
-    In the cases 1 K, 1 K/mm along x and along y a free body has per expansion at z = x + iy the displacements z,
-    `z^2/2` and `-i z^2/2` and the rotations 0, y and -x. At the origin they are `(x, y, 0)`, `(r^2/2, 0, y)` and
-    `(0, r^2/2, -x)`.
-    """
-    x, y = np.real(places), np.imag(places)
-    zero, half = np.zeros_like(x), (x**2 + y**2) / 2
-    return np.moveaxis(np.array([[x, half, zero], [y, zero, half], [zero, y, -x]]), (0, 1), (-2, -1))
+    In the cases 1 K, 1 K/mm along x and along y a free body has per expansion at z = x + iy the
+    displacements z, `z^2/2` and `-i z^2/2` and the rotations 0, y and -x. At the origin they are
+    `(x, y, 0)`, `(r^2/2, 0, y)` and `(0, r^2/2, -x)`."""
+    x = np.real(places)
+    y = np.imag(places)
+    zero = np.zeros_like(x)
+    half = (x**2 + y**2) / 2
+    return np.moveaxis(
+        np.array([[x, half, zero], [y, zero, half], [zero, y, -x]]), (0, 1), (-2, -1)
+    )
 
 
-def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, shear: Array) -> Array:
-    """Return the compliance (..., 3, 3) at the origin of joints at `places` (..., 2) with axes at angles (...), rad.
+def joint_compliance(
+    places: Array, axes: Array, rotation: Array, axial: Array, shear: Array
+) -> Array:
+    """Return the compliance (..., 3, 3) at the origin of joints at `places` (..., 2) with axes at
+    angles (...), rad.
 
     Notes
     -----
-    It is G k^-1 G^T, expanded, with the columns (y, -x, 1) for rotation, (c, s, 0) for axial and (-s, c, 0) for shear.
-    """
-    x, y = places[..., 0], places[..., 1]
-    c, s = np.cos(axes), np.sin(axes)
-    xt, yt = y * rotation, -x * rotation
-    xx, yy = y * xt + c * c * axial + s * s * shear, -x * yt + s * s * axial + c * c * shear
+    It is G k^-1 G^T, expanded, with the columns (y, -x, 1) for rotation, (c, s, 0) for axial and
+    (-s, c, 0) for shear."""
+    x = places[..., 0]
+    y = places[..., 1]
+    c = np.cos(axes)
+    s = np.sin(axes)
+    xt = y * rotation
+    yt = -x * rotation
+    xx = y * xt + c * c * axial + s * s * shear
+    yy = -x * yt + s * s * axial + c * c * shear
     xy = y * yt + c * s * (axial - shear)
     rows = np.stack(np.broadcast_arrays(xx, xy, xt, xy, yy, yt, xt, yt, rotation))
-    return np.moveaxis(rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1))  # designs contiguous in memory: faster
+    return np.moveaxis(
+        rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1)
+    )  # designs contiguous in memory: faster
 
 
 def in_series(mechanism: Network) -> Array:
     """Return the sums (..., P, 3, 3) of the compliances of the joints of each path."""
     signs = topology(*mechanism[:3]).signs
-    return np.moveaxis(np.moveaxis(mechanism.compliance, (-2, -1), (0, 1)) @ np.abs(signs).T, (0, 1), (-2, -1))
+    return np.moveaxis(
+        np.moveaxis(mechanism.compliance, (-2, -1), (0, 1)) @ np.abs(signs).T, (0, 1), (-2, -1)
+    )
 
 
 def stiffness(mechanism: Network) -> OutputStiffness:
@@ -190,38 +223,57 @@ def stiffness(mechanism: Network) -> OutputStiffness:
     nan for a design with a path that has no, or nearly no, compliance in some direction.
     """
     graph = topology(*mechanism[:3])
-    if mechanism.coupling is None and np.array_equal(graph.G, np.tile(np.eye(3), (len(graph.paths), 1))):
-        # every path leads from the ground to the output: matrices of 3 by 3 suffice, for many designs
+    if mechanism.coupling is None and np.array_equal(
+        graph.G, np.tile(np.eye(3), (len(graph.paths), 1))
+    ):
+        # every path leads from the ground to the output: matrices of 3 by 3 suffice, for many
+        # designs
         wrenches = inverse(in_series(mechanism))
         K = np.sum(wrenches, axis=-3)
     else:
         column = _path_stiffness(mechanism, graph) @ graph.G
-        wrenches, K = _by_path(column, graph), graph.G.T @ column
+        wrenches = _by_path(column, graph)
+        K = graph.G.T @ column
     if len(graph.kept) > 1:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
-        twists = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
-        wrenches, K = wrenches @ twists[..., None, :, :], K[..., :3, :] @ twists
+        twists = np.concatenate(
+            [np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2
+        )
+        wrenches = wrenches @ twists[..., None, :, :]
+        K = K[..., :3, :] @ twists
     return OutputStiffness(K, _by_joint(wrenches, graph))
 
 
 def solve(
-    mechanism: Network, loads: Array, openings: Array | None = None, internal: InternalMotions | None = None
+    mechanism: Network,
+    loads: Array,
+    openings: Array | None = None,
+    internal: InternalMotions | None = None,
 ) -> MotionUnderLoads:
-    """Return the response to loads (..., bodies, 3, k) on the bodies and openings (..., m, 3, k) of the joints.
+    """Return the response to loads (..., bodies, 3, k) on the bodies and openings (..., m, 3, k) of
+    the joints.
 
     nan for a design as in `stiffness`, and for one that can move without load.
     """
     graph = topology(*mechanism[:3])
-    Q, F = (np.einsum("ib,...bak->...iak", shares, loads) for shares in (graph.joint_loads, graph.kept_loads))
-    opened, F = _opened(mechanism, Q), _column(F)
-    B, D = _path_openings(opened, graph), _column(Q).swapaxes(-1, -2) @ _column(opened)
+    Q, F = (
+        np.einsum("ib,...bak->...iak", shares, loads)
+        for shares in (graph.joint_loads, graph.kept_loads)
+    )
+    opened = _opened(mechanism, Q)
+    F = _column(F)
+    B = _path_openings(opened, graph)
+    D = _column(Q).swapaxes(-1, -2) @ _column(opened)
     if internal is not None:
         by_Q = _column(Q).swapaxes(-1, -2) @ _column(internal.openings)
-        B, D = B + _path_openings(internal.openings, graph), D + internal.motions + by_Q + by_Q.swapaxes(-1, -2)
+        B = B + _path_openings(internal.openings, graph)
+        D = D + internal.motions + by_Q + by_Q.swapaxes(-1, -2)
     t = B
     if openings is not None:
-        t, D = B + _path_openings(openings, graph), D + _column(Q).swapaxes(-1, -2) @ _column(openings)
-    W, G = _path_stiffness(mechanism, graph), graph.G
+        t = B + _path_openings(openings, graph)
+        D = D + _column(Q).swapaxes(-1, -2) @ _column(openings)
+    W = _path_stiffness(mechanism, graph)
+    G = graph.G
     WG = W @ G
     V = inverse(G.T @ WG) @ (F + np.swapaxes(WG, -1, -2) @ t)
     w = W @ (G @ V - t)
@@ -242,27 +294,32 @@ class Dynamics(NamedTuple):
 
     @property
     def frequencies(self) -> Array:
-        """Natural frequencies (..., n), rad/s, ascending; inf for freedoms that the joints do not have, nan for a
-        design without a solution."""
+        """Natural frequencies (..., n), rad/s, ascending; inf for freedoms that the joints do not
+        have, nan for a design without a solution."""
         L = np.linalg.cholesky(self.mass)
         A = np.swapaxes(L, -1, -2) @ self.compliance @ L
         is_singular = ~np.all(np.isfinite(A), axis=(-2, -1), keepdims=True)
-        values = np.linalg.eigvalsh(np.where(is_singular, 0.0, (A + np.swapaxes(A, -1, -2)) / 2))[..., ::-1]
+        values = np.linalg.eigvalsh(np.where(is_singular, 0.0, (A + np.swapaxes(A, -1, -2)) / 2))[
+            ..., ::-1
+        ]
         is_rigid = (np.arange(values.shape[-1]) >= self.rank) | (values <= STILL * values[..., :1])
         frequencies = np.where(is_rigid, np.inf, 1 / np.sqrt(np.where(is_rigid, 1.0, values)))
         return np.where(is_singular[..., 0], np.nan, frequencies)
 
 
 def with_springs(motions: Array, rates: Array) -> Array:
-    """Return the motions (..., k, k) of k loads after springs are added along the lines of n more loads.
+    """Return the motions (..., k, k) of k loads after springs are added along the lines of n more
+    loads.
 
     Parameters
     ----------
     motions : (..., k + n, k + n), of all loads without springs, as from `solve`.
     rates : (n,), stiffness of the springs.
     """
-    k, root = motions.shape[-1] - len(rates), np.sqrt(rates)
-    coupling, openings = motions[..., :k, k:] * root, root[:, None] * motions[..., k:, k:] * root
+    k = motions.shape[-1] - len(rates)
+    root = np.sqrt(rates)
+    coupling = motions[..., :k, k:] * root
+    openings = root[:, None] * motions[..., k:, k:] * root
     forces = np.linalg.solve(np.eye(len(rates)) + openings, root[:, None] * motions[..., k:, :k])
     return np.asarray(motions[..., :k, :k] - coupling @ forces)
 
@@ -285,8 +342,11 @@ def _by_path(w: Array, graph: Topology) -> Array:
 
 def _by_joint(w: Array, graph: Topology) -> Array:
     """Wrenches (..., m, 3, k) in the joints from those (..., P, 3, k) of their paths."""
-    path, signs = np.argmax(np.abs(graph.signs), axis=0), np.sum(graph.signs, axis=0)
-    wrenches = np.moveaxis(np.take(np.moveaxis(w, (-2, -1), (0, 1)), path, axis=-1), (0, 1), (-2, -1))
+    path = np.argmax(np.abs(graph.signs), axis=0)
+    signs = np.sum(graph.signs, axis=0)
+    wrenches = np.moveaxis(
+        np.take(np.moveaxis(w, (-2, -1), (0, 1)), path, axis=-1), (0, 1), (-2, -1)
+    )
     return np.asarray(wrenches if np.all(signs == 1) else signs[:, None, None] * wrenches)
 
 
@@ -299,7 +359,9 @@ def block_diagonal(A: Array) -> Array:
 
 
 def _path_stiffness(mechanism: Network, graph: Topology) -> Array:
-    """Stiffness (..., 3 P, 3 P) of all paths, path by path where nothing couples them; nan as in `stiffness`."""
+    """Stiffness (..., 3 P, 3 P) of all paths, path by path where nothing couples them; nan as in
+    `stiffness`.
+    """
     A = in_series(mechanism)
     if mechanism.coupling is None:
         return block_diagonal(inverse(A))
@@ -308,7 +370,9 @@ def _path_stiffness(mechanism: Network, graph: Topology) -> Array:
 
 
 def _opened(mechanism: Network, wrenches: Array) -> Array:
-    """Openings (..., m, 3, k) of joints, and of elastic bodies at them, under wrenches (..., m, 3, k)."""
+    """Openings (..., m, 3, k) of joints, and of elastic bodies at them, under wrenches (..., m, 3,
+    k).
+    """
     openings = mechanism.compliance @ wrenches
     if mechanism.coupling is None:
         return openings

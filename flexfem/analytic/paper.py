@@ -1,9 +1,10 @@
-"""The paper's equations (1) to (33), in its own form, at any configuration and load of the platform.
+"""The paper's equations (1) to (33), in its own form, at any configuration and load of the
+platform.
 
-Mobility (1) and the freedoms of the hinges; chains at finite joint displacements with their influence coefficients
-(4), (19) to (27); the two loops of the three chains and their dependent joints (5) to (9); stiffness of the platform
-from the joint springs (10) to (18) and inverse kinematics (28) to (31). At rest `network` gives the same stiffness.
-"""
+Mobility (1) and the freedoms of the hinges; chains at finite joint displacements with their
+influence coefficients (4), (19) to (27); the two loops of the three chains and their dependent
+joints (5) to (9); stiffness of the platform from the joint springs (10) to (18) and inverse
+kinematics (28) to (31). At rest `network` gives the same stiffness."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ KINDS = ("rotation", "axial", "shear")
 
 Freedoms: TypeAlias = tuple[tuple[tuple[str, ...], ...], ...]
 
-_R, _RA, _RAS = KINDS[:1], KINDS[:2], KINDS
+_R = KINDS[:1]
+_RA = KINDS[:2]
+_RAS = KINDS
 FREEDOMS_BY_MOBILITY: dict[int, Freedoms] = {
     3: ((_R, _R, _R),) * CHAINS,
     6: ((_RA, _R, _R),) * CHAINS,
@@ -37,7 +40,9 @@ FREEDOMS_BY_MOBILITY: dict[int, Freedoms] = {
 
 
 def gruebler_kutzbach(links: int, joint_freedoms: Iterable[int], dimension: int = 3) -> int:
-    """Return M = D (N - 1) + sum (f_i - D) (1) for N links, one of them the ground; D = 3 in the plane, 6 in space."""
+    """Return M = D (N - 1) + sum (f_i - D) (1) for N links, one of them the ground; D = 3 in the
+    plane, 6 in space.
+    """
     return dimension * (links - 1) + sum(f - dimension for f in joint_freedoms)  # (1)
 
 
@@ -47,13 +52,20 @@ def mobility(freedoms: Freedoms) -> int:
 
 
 def freedoms_of(mobility: int | None, prismatic: ArrayLike | None = None) -> Freedoms:
-    """Return the freedoms for mobility 3, 6, 12 or 21. For None, the flags `prismatic` (3 chains, 3 hinges) of a stage
-    state which hinges have an axial freedom. Raises BadInput for any other number."""
+    """Return the freedoms for mobility 3, 6, 12 or 21. For None, the flags `prismatic` (3 chains, 3
+    hinges) of a stage state which hinges have an axial freedom. Raises BadInput for any other
+    number."""
     if mobility is None and prismatic is not None:
-        return tuple(tuple(_RA if flag else _R for flag in chain) for chain in np.asarray(prismatic, dtype=bool))
+        return tuple(
+            tuple(_RA if flag else _R for flag in chain)
+            for chain in np.asarray(prismatic, dtype=bool)
+        )
     if not isinstance(mobility, Integral) or mobility not in FREEDOMS_BY_MOBILITY:
         known = ", ".join(map(str, FREEDOMS_BY_MOBILITY))
-        raise BadInput(f"mobility = {mobility}, expected one of {known}, or none for the stage's own prismatic hinges")
+        raise BadInput(
+            f"mobility = {mobility}, expected one of {known}, or none for the stage's own "
+            "prismatic hinges"
+        )
     return FREEDOMS_BY_MOBILITY[mobility]
 
 
@@ -62,7 +74,8 @@ QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  #
 
 
 class Joints(NamedTuple):
-    """The N single-freedom joints of the stage, in order: chain by chain, base to platform, rotation, axial, shear.
+    """The N single-freedom joints of the stage, in order: chain by chain, base to platform,
+    rotation, axial, shear.
 
     chain, hinge : (N,), counted from 0.   kind : (N,), index into `KINDS`.
     """
@@ -79,7 +92,9 @@ class Joints(NamedTuple):
     @property
     def chains(self) -> list[slice]:
         """Slice of the joints of each chain."""
-        return [slice(*ends) for ends in pairwise(np.searchsorted(self.chain, [0, 1, 2, 3]).tolist())]
+        return [
+            slice(*ends) for ends in pairwise(np.searchsorted(self.chain, [0, 1, 2, 3]).tolist())
+        ]
 
     @property
     def mobility(self) -> int:
@@ -90,17 +105,22 @@ class Joints(NamedTuple):
 def joints_of(freedoms: Freedoms) -> Joints:
     """Return the joints of a table of freedoms."""
     rows = [
-        (i, j, KINDS.index(kind)) for i, chain in enumerate(freedoms) for j, hinge in enumerate(chain) for kind in hinge
+        (i, j, KINDS.index(kind))
+        for i, chain in enumerate(freedoms)
+        for j, hinge in enumerate(chain)
+        for kind in hinge
     ]
     chain, hinge, kind = np.array(rows, dtype=np.int64).T
     return Joints(chain, hinge, kind)
 
 
 class Configuration(NamedTuple):
-    """The stage at given joint displacements, by every chain (the poses agree when the loops are closed).
+    """The stage at given joint displacements, by every chain (the poses agree when the loops are
+    closed).
 
     pose : (..., 3 chains, 3), displacement (x, y, Phi) of the platform from rest, mm and rad.
-    pivots : (..., 3 chains, 3 hinges, 2), neck centre of each hinge as a point of its base-side body, mm.
+    pivots : (..., 3 chains, 3 hinges, 2), neck centre of each hinge as a point of its base-side
+    body, mm.
     axes : (..., 3 chains, 3 hinges), rad, direction of each neck.
     """
 
@@ -119,9 +139,9 @@ def chain_poses(frames: Frames, joints: Joints, displacement: Array) -> Configur
 
     Notes
     -----
-    A hinge rotates first and then slides along its rotated axis (axial) or normal (shear), as l1 = l10 + s along
-    cos phi_1 in (19). Links rotate by (R - 1) = -2 sin^2(psi/2) + sin psi J, which keeps all digits of small motions.
-    """
+    A hinge rotates first and then slides along its rotated axis (axial) or normal (shear), as l1 =
+    l10 + s along cos phi_1 in (19). Links rotate by (R - 1) = -2 sin^2(psi/2) + sin psi J, which
+    keeps all digits of small motions."""
     table = np.zeros((*displacement.shape[:-1], 27))
     table[..., joints.slot] = displacement
     phi, axial, shear = np.moveaxis(table.reshape(*displacement.shape[:-1], 3, 3, 3), -1, 0)
@@ -132,7 +152,9 @@ def chain_poses(frames: Frames, joints: Joints, displacement: Array) -> Configur
     rotation = -2.0 * np.sin(0.5 * psi[..., None]) ** 2 * links + np.sin(psi)[..., None] * normals
     sliding = axial[..., None] * direction(axes) + shear[..., None] * direction(axes + 0.5 * np.pi)
     shift = np.cumsum(rotation + sliding, axis=-2)  # (19), (20)
-    pivots = frames.centres + np.concatenate([np.zeros_like(shift[..., :1, :]), shift[..., :-1, :]], axis=-2)
+    pivots = frames.centres + np.concatenate(
+        [np.zeros_like(shift[..., :1, :]), shift[..., :-1, :]], axis=-2
+    )
     Phi = np.broadcast_to(psi[..., -1:], (*shift.shape[:-2], 1))  # (21)
     return Configuration(np.concatenate([shift[..., -1, :], Phi], axis=-1), pivots, axes)
 
@@ -148,18 +170,21 @@ def first_order(joints: Joints, at: Configuration) -> list[Array]:
     Revolute at p: (-(y - p_y), x - p_x, 1); prismatic along d: (d_x, d_y, 0).
     """
     places = (at.pivots - at.pose[..., :, None, :2]) @ np.array([1, 1j])
-    table = np.moveaxis(freedom_motions(places, np.exp(1j * at.axes)), -2, -4)  # (..., row, chain, hinge, kind)
+    table = np.moveaxis(
+        freedom_motions(places, np.exp(1j * at.axes)), -2, -4
+    )  # (..., row, chain, hinge, kind)
     G = table.reshape(*table.shape[:-3], 27)[..., joints.slot]
     return [G[..., own_joints] for own_joints in joints.chains]
 
 
 def second_order(joints: Joints, iG: list[Array]) -> list[Array]:
-    """Return the influence coefficients iH of each chain, (..., 3, N_i, N_i): u'' = iG iphi'' + iphi'^T iH iphi'.
+    """Return the influence coefficients iH of each chain, (..., 3, N_i, N_i): u'' = iG iphi'' +
+    iphi'^T iH iphi'.
 
-    For two joints, the translation in the column of the distal one is rotated by a quarter turn if the proximal one is
-    a revolute: revolute-revolute (-(x - p_nx), -(y - p_ny), 0), revolute-prismatic (-d_ny, d_nx, 0). It is zero if the
-    proximal one is prismatic. Symmetric in the two joints.
-    """
+    For two joints, the translation in the column of the distal one is rotated by a quarter turn if
+    the proximal one is a revolute: revolute-revolute (-(x - p_nx), -(y - p_ny), 0),
+    revolute-prismatic (-d_ny, d_nx, 0). It is zero if the proximal one is prismatic. Symmetric in
+    the two joints."""
     iH = []
     for own_joints, G in zip(joints.chains, iG, strict=True):
         is_revolute = joints.kind[own_joints] == ROTATION
@@ -172,17 +197,21 @@ DEPENDENT = 6  # three equations in each of two loops
 
 
 class Choice(NamedTuple):
-    """Indices of the independent (..., M) and the dependent joints (..., 6); no leading axes if all designs agree."""
+    """Indices of the independent (..., M) and the dependent joints (..., 6); no leading axes if all
+    designs agree.
+    """
 
     independent: Index
     dependent: Index
 
 
 class Influence(NamedTuple):
-    """Influence coefficients of the stage at one configuration; nan for a design whose loops are singular.
+    """Influence coefficients of the stage at one configuration; nan for a design whose loops are
+    singular.
 
     pose : (..., 3), platform displacement from rest by chain 1, mm and rad.
-    gap : (..., 6), pose by chain 1 minus that by chain 2, then minus that by chain 3: zero when the loops are closed.
+    gap : (..., 6), pose by chain 1 minus that by chain 2, then minus that by chain 3: zero when the
+    loops are closed.
     A_inverse : (..., 6, 6).
     G_p : (..., 6, M), phi_p' = G_p phi_a' (7).
     G_a : (..., N, M), phi' = G_a phi_a' of all joints in joint order (8).
@@ -201,11 +230,12 @@ class Influence(NamedTuple):
 
 
 def choose(frames: Frames, joints: Joints, springs: Array) -> Choice:
-    """Return the paper's choice of independent joints where it states one, else that of `rank_revealing`.
+    """Return the paper's choice of independent joints where it states one, else that of
+    `rank_revealing`.
 
-    For mobility three the paper takes the base joints; for mobility six with the axial freedom at the base it takes
-    phi_1 and phi_2 of every chain, which costs digits of K_uu (1e-7 where entries of G_p are 1e5 mm/rad).
-    """
+    For mobility three the paper takes the base joints; for mobility six with the axial freedom at
+    the base it takes phi_1 and phi_2 of every chain, which costs digits of K_uu (1e-7 where entries
+    of G_p are 1e5 mm/rad)."""
     for number, last in ((3, 0), (6, 1)):
         if np.array_equal(joints.slot, joints_of(FREEDOMS_BY_MOBILITY[number]).slot):
             return chosen(joints, (joints.kind == ROTATION) & (joints.hinge <= last))
@@ -220,30 +250,42 @@ def chosen(joints: Joints, is_independent: Array | Index) -> Choice:
 
 
 def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
-    """Choose six dependent joints for every design by a pivoted QR decomposition of the loop Jacobian at rest.
+    """Choose six dependent joints for every design by a pivoted QR decomposition of the loop
+    Jacobian at rest.
 
-    Columns are weighted by k^-1/2 (joint motions of equal energy), rows of rotation by the mean distance of the hinges
-    from the platform centre, so that the pivots do not depend on units. Each pivot is the softest joint that the loops
-    still constrain. Stiff joints stay independent: (16) adds their springs to the diagonal without rounding the others.
-    """
-    from scipy.linalg import qr  # takes a tenth of a second to import, and only commanded joints need it
+    Columns are weighted by k^-1/2 (joint motions of equal energy), rows of rotation by the mean
+    distance of the hinges from the platform centre, so that the pivots do not depend on units. Each
+    pivot is the softest joint that the loops still constrain. Stiff joints stay independent: (16)
+    adds their springs to the diagonal without rounding the others."""
+    from scipy.linalg import (
+        qr,
+    )  # takes a tenth of a second to import, and only commanded joints need it
 
     at = resting(frames, joints)
     W, _ = _loop_equations(at.pose, first_order(joints, at))
     length = np.sqrt(np.mean(np.sum(frames.centres**2, axis=-1), axis=(-2, -1)))[..., None, None]
-    W = W * np.where(np.arange(DEPENDENT)[:, None] % 3 == 2, length, 1.0) / np.sqrt(springs)[..., None, :]
-    pivots = [qr(w, mode="r", pivoting=True, check_finite=False)[1] for w in W.reshape(-1, *W.shape[-2:])]
+    W = (
+        W
+        * np.where(np.arange(DEPENDENT)[:, None] % 3 == 2, length, 1.0)
+        / np.sqrt(springs)[..., None, :]
+    )
+    pivots = [
+        qr(w, mode="r", pivoting=True, check_finite=False)[1] for w in W.reshape(-1, *W.shape[-2:])
+    ]
     order = np.array(pivots).reshape(*W.shape[:-2], W.shape[-1])
     return Choice(np.sort(order[..., DEPENDENT:]), np.sort(order[..., :DEPENDENT]))
 
 
 def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Array) -> Influence:
-    """Return the first- and second-order influence coefficients at the joint displacements (..., N), (5)-(9)."""
+    """Return the first- and second-order influence coefficients at the joint displacements (...,
+    N), (5)-(9).
+    """
     at = chain_poses(frames, joints, displacement)
     iG = first_order(joints, at)
     iH = second_order(joints, iG)
     L, gap = _loop_equations(at.pose, iG)
-    A, B = columns(L, choice.dependent), -columns(L, choice.independent)
+    A = columns(L, choice.dependent)
+    B = -columns(L, choice.independent)
     A_inverse = inverse(A)
     G_p = A_inverse @ B  # (7)
     G_a = in_joint_order(G_p, np.eye(joints.mobility), choice)  # (8)
@@ -265,13 +307,18 @@ def _congruence(G: Array, H: Array) -> Array:
 
 
 def _loop_equations(poses: Array, iG: list[Array]) -> tuple[Array, Array]:
-    """Return the loop Jacobian L (..., 6, N), L phi' = 0, and the gap (..., 6) of chain poses (..., 3, 3)."""
+    """Return the loop Jacobian L (..., 6, N), L phi' = 0, and the gap (..., 6) of chain poses (...,
+    3, 3).
+    """
     G1, G2, G3 = iG
-    O2, O3 = np.zeros_like(G2), np.zeros_like(G3)
+    O2 = np.zeros_like(G2)
+    O3 = np.zeros_like(G3)
     upper = np.concatenate([G1, -G2, O3], axis=-1)  # (5)
     lower = np.concatenate([G1, O2, -G3], axis=-1)  # (6)
     first, second, third = np.moveaxis(poses, -2, 0)
-    return np.concatenate([upper, lower], axis=-2), np.concatenate([first - second, first - third], axis=-1)
+    return np.concatenate([upper, lower], axis=-2), np.concatenate(
+        [first - second, first - third], axis=-1
+    )
 
 
 def columns(L: Array, index: Index) -> Array:
@@ -281,9 +328,13 @@ def columns(L: Array, index: Index) -> Array:
 
 
 def in_joint_order(dependent: Array, independent: Array, choice: Choice) -> Array:
-    """Merge rows of the dependent (..., 6, K) and the independent (..., M, K) joints in joint order (..., N, K)."""
+    """Merge rows of the dependent (..., 6, K) and the independent (..., M, K) joints in joint order
+    (..., N, K).
+    """
     lead = dependent.shape[:-2]
-    rows = np.concatenate([dependent, np.broadcast_to(independent, lead + independent.shape[-2:])], axis=-2)
+    rows = np.concatenate(
+        [dependent, np.broadcast_to(independent, lead + independent.shape[-2:])], axis=-2
+    )
     order = np.argsort(np.concatenate([choice.dependent, choice.independent], axis=-1), axis=-1)
     order = order.reshape((1,) * (rows.ndim - 1 - order.ndim) + order.shape)
     return np.take_along_axis(rows, order[..., None], axis=-2)
@@ -302,10 +353,12 @@ class PaperModel(NamedTuple):
 
 
 class JointStiffness(NamedTuple):
-    """Stiffness at one configuration and load; nan for a design with singular loops or a singular K_aa.
+    """Stiffness at one configuration and load; nan for a design with singular loops or a singular
+    K_aa.
 
     K_aa, C_aa : (..., M, M), stiffness of the independent joints (16) and its inverse.
-    C_uu, K_uu : (..., 3, 3), compliance (17) and stiffness (18) of the platform in x, y, Phi: mm, N, rad.
+    C_uu, K_uu : (..., 3, 3), compliance (17) and stiffness (18) of the platform in x, y, Phi: mm,
+    N, rad.
     influence : the influence coefficients of the configuration.
     """
 
@@ -317,33 +370,46 @@ class JointStiffness(NamedTuple):
 
 
 class JointMotion(NamedTuple):
-    """Joint displacements, rad and mm: independent (..., M), dependent (..., 6), and all in joint order (..., N)."""
+    """Joint displacements, rad and mm: independent (..., M), dependent (..., 6), and all in joint
+    order (..., N).
+    """
 
     independent: Array
     dependent: Array
     joints: Array
 
 
-def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> PaperModel:
-    """Return the model of hinges with compliances (..., 3, 3) in their `freedoms`; None chooses by `choose`."""
+def mechanism(
+    frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None
+) -> PaperModel:
+    """Return the model of hinges with compliances (..., 3, 3) in their `freedoms`; None chooses by
+    `choose`.
+    """
     joints = joints_of(freedoms)
     table = np.stack(np.broadcast_arrays(*compliance), axis=-1)
     springs = 1.0 / table.reshape(*table.shape[:-3], 27)[..., joints.slot]  # (10)
-    return PaperModel(frames, joints, choose(frames, joints, springs) if choice is None else choice, springs)
+    return PaperModel(
+        frames, joints, choose(frames, joints, springs) if choice is None else choice, springs
+    )
 
 
-def stiffness(model: PaperModel, displacement: Array | None = None, load: Array | None = None) -> JointStiffness:
-    """Return K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and platform load (..., 3).
+def stiffness(
+    model: PaperModel, displacement: Array | None = None, load: Array | None = None
+) -> JointStiffness:
+    """Return K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and
+    platform load (..., 3).
 
-    The load is dead: a force at the platform centre, moving with it, and a moment. None means rest and no load. The
-    displacements must close the loops; at equilibrium K_uu is the tangent stiffness.
-    """
+    The load is dead: a force at the platform centre, moving with it, and a moment. None means rest
+    and no load. The displacements must close the loops; at equilibrium K_uu is the tangent
+    stiffness."""
     phi = np.zeros(len(model.joints.kind)) if displacement is None else displacement
     F_u = np.zeros(3) if load is None else load
     coefficients = influence(model.frames, model.joints, model.choice, phi)
     K_a, K_p = split(model.springs, model.choice)
     _, tau_p = split(-model.springs * phi, model.choice)
-    G_p, G_pT, G_u = coefficients.G_p, np.swapaxes(coefficients.G_p, -1, -2), coefficients.G_u
+    G_p = coefficients.G_p
+    G_pT = np.swapaxes(coefficients.G_p, -1, -2)
+    G_u = coefficients.G_u
     S = dot(tau_p, coefficients.H_p) + dot(F_u, coefficients.H_u)
     K_aa = diagonal(K_a) + G_pT @ diagonal(K_p) @ G_p - S  # (16)
     C_aa = _joint_compliance(K_a, K_p, G_p, S)
@@ -355,31 +421,41 @@ def stiffness(model: PaperModel, displacement: Array | None = None, load: Array 
 def _joint_compliance(K_a: Array, K_p: Array, G_p: Array, S: Array) -> Array:
     """K_aa^-1 from the factors of (16); S is its second-order terms.
 
-    In the sum K_aa stiff dependent springs would round off the soft ones. With K_a + G_p^T K_p G_p = R^T R from the QR
-    factors of the weighted rows, K_aa = R^T (1 - R^-T S R^-1) R keeps them.
-    """
+    In the sum K_aa stiff dependent springs would round off the soft ones. With K_a + G_p^T K_p G_p
+    = R^T R from the QR factors of the weighted rows, K_aa = R^T (1 - R^-T S R^-1) R keeps them."""
     root = diagonal(np.broadcast_to(np.sqrt(K_a), (*G_p.shape[:-2], G_p.shape[-1])))
-    R_inverse = inverse(np.linalg.qr(np.concatenate([root, np.sqrt(K_p)[..., None] * G_p], axis=-2)).R)
+    R_inverse = inverse(
+        np.linalg.qr(np.concatenate([root, np.sqrt(K_p)[..., None] * G_p], axis=-2)).R
+    )
     R_inverseT = np.swapaxes(R_inverse, -1, -2)
     return R_inverse @ inverse(np.eye(G_p.shape[-1]) - R_inverseT @ S @ R_inverse) @ R_inverseT
 
 
-def effective_load(model: PaperModel, coefficients: Influence, displacement: Array, load: Array) -> Array:
+def effective_load(
+    model: PaperModel, coefficients: Influence, displacement: Array, load: Array
+) -> Array:
     """Return T_a (..., M) on the independent joints (13): zero at equilibrium."""
     tau_a, tau_p = split(-model.springs * displacement, model.choice)
     return tau_a + transposed(coefficients.G_p, tau_p) + transposed(coefficients.G_u, load)  # (13)
 
 
 def inverse_kinematics(model: PaperModel, at: JointStiffness, du: Array) -> JointMotion:
-    """Return the joint motion of least potential energy for the platform displacement du (..., 3), (29)-(31)."""
-    G_u, G_p = at.influence.G_u, at.influence.G_p
+    """Return the joint motion of least potential energy for the platform displacement du (..., 3),
+    (29)-(31).
+    """
+    G_u = at.influence.G_u
+    G_p = at.influence.G_p
     dphi_a = apply(at.C_aa, transposed(G_u, apply(at.K_uu, du)))  # (29)
     dphi_p = apply(G_p, dphi_a)  # (31)
-    return JointMotion(dphi_a, dphi_p, in_joint_order(dphi_p[..., None], dphi_a[..., None], model.choice)[..., 0])
+    return JointMotion(
+        dphi_a, dphi_p, in_joint_order(dphi_p[..., None], dphi_a[..., None], model.choice)[..., 0]
+    )
 
 
 def split(values: Array, choice: Choice) -> tuple[Array, Array]:
-    """Split values (..., N) of all joints into those of the independent (..., M) and the dependent (..., 6) joints."""
+    """Split values (..., N) of all joints into those of the independent (..., M) and the dependent
+    (..., 6) joints.
+    """
     independent, dependent = (columns(values[..., None, :], index)[..., 0, :] for index in choice)
     return independent, dependent
 

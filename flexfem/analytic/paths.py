@@ -1,11 +1,12 @@
-"""Equilibrium paths of a mechanism whose output is driven to finite displacements, and where they end.
+"""Equilibrium paths of a mechanism whose output is driven to finite displacements, and where they
+end.
 
-The motions of chosen ports are prescribed, and the forces that hold them follow: Newton's method on the tangent
-stiffness bordered by these ports. The nodes between the beams of a hinge are eliminated hinge by hinge. A path ends
-where a hinge yields, or where the tangent stiffness of the motions that are not prescribed is no longer positive
-definite: there the mechanism buckles. J. M. T. Thompson and G. W. Hunt, A General Theory of Elastic Stability, 1973.
-It also ends where a body yields, where two parts of the plate touch, and at the stroke of an actuator.
-"""
+The motions of chosen ports are prescribed, and the forces that hold them follow: Newton's method on
+the tangent stiffness bordered by these ports. The nodes between the beams of a hinge are eliminated
+hinge by hinge. A path ends where a hinge yields, or where the tangent stiffness of the motions that
+are not prescribed is no longer positive definite: there the mechanism buckles. J. M. T. Thompson
+and G. W. Hunt, A General Theory of Elastic Stability, 1973. It also ends where a body yields, where
+two parts of the plate touch, and at the stroke of an actuator."""
 
 from __future__ import annotations
 
@@ -39,19 +40,26 @@ SMALLEST_STEP = 1e-4  # of the displacement reached, beyond which no equilibrium
 SMALL_STEP = 1e-4  # of the displacement at which linear theory yields, for slopes at rest
 FINEST = 1e-7  # of the margin at the end of a path, and relative error of its displacement
 APART = 1e-3  # least relative distance of two displacements from which slopes are taken
-NEAR = 0.7  # of the yield strength: stress in plane stress from which that in three dimensions is computed
-YIELD, BUCKLING, NO_LIMIT = "yield", "buckling", "no limit"
-BODY_YIELD, CONTACT, STROKE = "yield of a body", "contact", "stroke"
+# of the yield strength: stress in plane stress from which that in three dimensions is computed
+NEAR = 0.7
+YIELD = "yield"
+BUCKLING = "buckling"
+NO_LIMIT = "no limit"
+BODY_YIELD = "yield of a body"
+CONTACT = "contact"
+STROKE = "stroke"
 StressRatios: TypeAlias = Callable[[Array], Array]  # of wrenches (h, 3), to plane stress
 
 
 class PathPoint(NamedTuple):
     """Equilibrium at prescribed motions of some ports.
 
-    unknowns : (size,), of `FinitePlate`.   forces : (k,), on the ports, N and N mm.   motions : (k,), mm and rad.
-    stress : (h,), highest von Mises stress of every hinge, MPa; in plane stress while it is far from yield.
-    softest : least eigenvalue of the tangent stiffness of the motions that are not prescribed; negative if unstable.
-    """
+    unknowns : (size,), of `FinitePlate`.   forces : (k,), on the ports, N and N mm.   motions :
+    (k,), mm and rad.
+    stress : (h,), highest von Mises stress of every hinge, MPa; in plane stress while it is far
+    from yield.
+    softest : least eigenvalue of the tangent stiffness of the motions that are not prescribed;
+    negative if unstable."""
 
     unknowns: Array
     forces: Array
@@ -64,13 +72,16 @@ Placed: TypeAlias = tuple[float, PathPoint]  # at a displacement of the driven p
 
 
 class PathEnd(NamedTuple):
-    """End of a path: the displacement of the driven port, mm or rad, and the force on it, N or N mm.
+    """End of a path: the displacement of the driven port, mm or rad, and the force on it, N or N
+    mm.
 
-    kind : `YIELD`, `BODY_YIELD`, `BUCKLING`, `CONTACT`, `STROKE` or `NO_LIMIT`.   at : the equilibrium.
-    exponents : (2,), of the force and of the highest stress as powers of the displacement near the end.
+    kind : `YIELD`, `BODY_YIELD`, `BUCKLING`, `CONTACT`, `STROKE` or `NO_LIMIT`.   at : the
+    equilibrium.
+    exponents : (2,), of the force and of the highest stress as powers of the displacement near the
+    end.
     linear : (2,), force and highest stress per displacement at rest.
-    parts : what touches or drives, and where; empty for the other kinds.   touching : numbers of the two parts.
-    """
+    parts : what touches or drives, and where; empty for the other kinds.   touching : numbers of
+    the two parts."""
 
     displacement: float
     force: float
@@ -86,7 +97,8 @@ class PathLimits(NamedTuple):
     """What ends a path besides the yield of hinges and buckling.
 
     rest : the equilibrium at rest.   port : the driven one.
-    body_stress : highest stress of bodies per force on it, MPa per N or N mm, zero if it is not known.
+    body_stress : highest stress of bodies per force on it, MPa per N or N mm, zero if it is not
+    known.
     contact : whether parts touch near the end.
     """
 
@@ -97,7 +109,8 @@ class PathLimits(NamedTuple):
 
 
 class DrivenPlate(FinitePlate):
-    """A mechanism of beams whose ports are driven to prescribed motions, with the stress in its hinges.
+    """A mechanism of beams whose ports are driven to prescribed motions, with the stress in its
+    hinges.
 
     hinges : compliances (h, 3, 3) at the centres of the hinges, by default those of their profiles.
     stress_ratios : of the highest stress of the hinges to that in plane stress, by default one.
@@ -117,7 +130,9 @@ class DrivenPlate(FinitePlate):
         for number, joint in enumerate(layout.joints):
             self.alike.setdefault(joint.profile, []).append(number)
         self.marks = {profile: divided_profile(profile, BEAMS) for profile in self.alike}
-        self.out_of_plane = np.array([layout.material_of(joint).out_of_plane for joint in layout.joints])
+        self.out_of_plane = np.array(
+            [layout.material_of(joint).out_of_plane for joint in layout.joints]
+        )
         self.shares = layout.hinge_shares
         self.openings = np.array(layout.drive_ports, dtype=np.int64)
         self.strokes = np.array([actuator.stroke for actuator in layout.actuators])
@@ -129,10 +144,14 @@ class DrivenPlate(FinitePlate):
         return Clearance(self.layout, self, marks)
 
     def wrenches(self, beams: Beams) -> Array:
-        """Tension, transverse force and moment (h, beams, 3) at the centre of the hinge, as of `Profile.stress`."""
+        """Tension, transverse force and moment (h, beams, 3) at the centre of the hinge, as of
+        `Profile.stress`.
+        """
         found = np.zeros((self.hinges, BEAMS, 3))
         tension, near, far = beams.stress.reshape(-1, BEAMS, 3).transpose(2, 0, 1)
-        bowed = tension[:, :, None] * beams.bent.reshape(-1, BEAMS, 2)  # moments of the tension of a bent beam
+        bowed = tension[:, :, None] * beams.bent.reshape(
+            -1, BEAMS, 2
+        )  # moments of the tension of a bent beam
         near = near + bowed[:, :, 0]
         far = far + bowed[:, :, 1]
         for profile, numbers in self.alike.items():
@@ -144,7 +163,8 @@ class DrivenPlate(FinitePlate):
         return found
 
     def plane_stress(self, wrenches: Array) -> Array:
-        """Highest von Mises stress (h,), MPa, in plane stress, of hinges under wrenches (h, beams, 3) of beams.
+        """Highest von Mises stress (h,), MPa, in plane stress, of hinges under wrenches (h, beams,
+        3) of beams.
 
         That of a hinge of another material is multiplied by `Layout.hinge_shares`.
         """
@@ -153,7 +173,9 @@ class DrivenPlate(FinitePlate):
             x = profile.sections
             beam = np.clip(np.searchsorted(self.marks[profile], x, side="right") - 1, 0, BEAMS - 1)
             ratio = self.out_of_plane[numbers][:, None]
-            stress = profile.section_stress(x, wrenches[numbers][:, beam], self.layout.thickness, ratio)
+            stress = profile.section_stress(
+                x, wrenches[numbers][:, beam], self.layout.thickness, ratio
+            )
             found[numbers] = stress.max(axis=-1)
         return found * self.shares
 
@@ -163,11 +185,13 @@ class DrivenPlate(FinitePlate):
         return self.plane_stress(wrenches) * self.stress_ratios(_at_centre(wrenches))
 
     def driven(self, q: Array, f: Array, ports: Sequence[int], targets: Array) -> PathPoint | None:
-        """Return the equilibrium with motions (p,) of ports; None if Newton's method does not converge.
+        """Return the equilibrium with motions (p,) of ports; None if Newton's method does not
+        converge.
 
         q, f : unknowns (size,) and forces on the ports (k,) to start from.
         """
-        f, held = f.copy(), list(ports)
+        f = f.copy()
+        held = list(ports)
         for _ in range(ITERATIONS):
             at = self.state(q, f)
             step, more = self._step(at, at.P[:, held], targets - at.motions[held])
@@ -182,7 +206,9 @@ class DrivenPlate(FinitePlate):
         return None
 
     def described(self, q: Array, f: Array, ports: Sequence[int]) -> PathPoint:
-        """Return the equilibrium at unknowns (size,) under forces (k,), of which those on some ports hold them."""
+        """Return the equilibrium at unknowns (size,) under forces (k,), of which those on some
+        ports hold them.
+        """
         at = self.state(q, f)
         inner, joined = self._by_hinges(at.K)
         inside = np.einsum("hia,hib->ab", joined, np.linalg.solve(inner, joined), optimize=True)
@@ -204,7 +230,8 @@ class DrivenPlate(FinitePlate):
         return CurvePoint(at.motions, f, compliance, self._negative_pivots(at.K), np.nan, q)
 
     def on_line(self, near: CurvePoint, port: int, line: Line) -> CurvePoint | None:
-        """Return the equilibrium under a load on a port at which its motion u and the load f are on a line.
+        """Return the equilibrium under a load on a port at which its motion u and the load f are on
+        a line.
 
         near : an equilibrium to start from.   line : a, b and c of `a u + b f = c`.
         """
@@ -226,20 +253,27 @@ class DrivenPlate(FinitePlate):
         return None
 
     def _size(self, step: Array) -> float:
-        """Return the largest rotation, rad, or displacement per size of the mechanism, of a change (size,)."""
+        """Return the largest rotation, rad, or displacement per size of the mechanism, of a change
+        (size,).
+        """
         shift = np.abs(step.reshape(-1, 3)[:, :2]).max() / self.extent
         return max(float(np.abs(step[2::3]).max()), float(shift))
 
     def _negative_pivots(self, K: Array) -> int:
-        """Return the number of negative eigenvalues of a tangent, with the nodes inside hinges eliminated first."""
+        """Return the number of negative eigenvalues of a tangent, with the nodes inside hinges
+        eliminated first.
+        """
         inner, joined = self._by_hinges(K)
         inside = np.einsum("hia,hib->ab", joined, np.linalg.solve(inner, joined), optimize=True)
         reduced = K[: self.rigid, : self.rigid] - inside
         return int(np.sum(np.linalg.eigvalsh(inner) < 0) + np.sum(np.linalg.eigvalsh(reduced) < 0))
 
     def _by_hinges(self, K: Array) -> tuple[Array, Array]:
-        """Tangent (h, i, i) of the nodes inside every hinge, and its columns (h, i, r) for the bodies."""
-        n, each = self.rigid, np.arange(self.hinges)
+        """Tangent (h, i, i) of the nodes inside every hinge, and its columns (h, i, r) for the
+        bodies.
+        """
+        n = self.rigid
+        each = np.arange(self.hinges)
         inner = K[n:, n:].reshape(self.hinges, 3 * (BEAMS - 1), self.hinges, -1)
         return inner[each, :, each], K[n:, :n].reshape(self.hinges, -1, n)
 
@@ -250,11 +284,13 @@ class DrivenPlate(FinitePlate):
         motion: Array,
         weights: tuple[float, float] = (1.0, 0.0),
     ) -> tuple[Array, Array]:
-        """Return the changes of the unknowns (size,) and of the forces (p,) on ports by which a sum changes by (p,).
+        """Return the changes of the unknowns (size,) and of the forces (p,) on ports by which a sum
+        changes by (p,).
 
-        The sum is that of the motions and the forces of the ports with two weights: by default the motions alone.
-        """
-        n, p = self.rigid, len(motion)
+        The sum is that of the motions and the forces of the ports with two weights: by default the
+        motions alone."""
+        n = self.rigid
+        p = len(motion)
         inner, joined = self._by_hinges(at.K)
         left = at.left[n:].reshape(self.hinges, -1, 1)
         solved = np.linalg.solve(inner, np.concatenate([joined, left], axis=2))
@@ -268,17 +304,22 @@ class DrivenPlate(FinitePlate):
         inside = solved[:, :, n] - solved[:, :, :n] @ found[:n]
         return np.concatenate([found[:n], inside.ravel()]), found[n:]
 
-    def end(self, port: int, held: Sequence[int], scale: float, body_stress: float = 0.0) -> PathEnd:
+    def end(
+        self, port: int, held: Sequence[int], scale: float, body_stress: float = 0.0
+    ) -> PathEnd:
         """Follow a path from rest to its end: the first limit of those of `PathEnd`.
 
         port : the driven one.   held : ports whose motions stay zero.
-        scale : its displacement, mm or rad, with a sign, at which linear theory expects a hinge to yield.
+        scale : its displacement, mm or rad, with a sign, at which linear theory expects a hinge to
+        yield.
         body_stress : as of `PathLimits`.
         """
         ports = [port, *held]
         rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
         limits = PathLimits(rest, port, body_stress)
-        path, step, linear = [(0.0, rest)], scale / STEPS, self.slopes(port, held, scale)
+        path = [(0.0, rest)]
+        step = scale / STEPS
+        linear = self.slopes(port, held, scale)
         for _ in range(MOST_STEPS):
             before = path[-1][0]
             after, touching = self._before_contact(path, ports, before + step)
@@ -294,8 +335,12 @@ class DrivenPlate(FinitePlate):
             path = [*path[-2:], after]
         return _ended(path, path[-1], port, NO_LIMIT, linear)
 
-    def _before_contact(self, path: Sequence[Placed], ports: Sequence[int], x: float) -> tuple[Placed | None, bool]:
-        """Return the equilibrium at a displacement x, or at a smaller one where parts already touch, and if they do."""
+    def _before_contact(
+        self, path: Sequence[Placed], ports: Sequence[int], x: float
+    ) -> tuple[Placed | None, bool]:
+        """Return the equilibrium at a displacement x, or at a smaller one where parts already
+        touch, and if they do.
+        """
         at = self._continued(path, ports, x)
         if at is None:
             return None, False
@@ -309,7 +354,8 @@ class DrivenPlate(FinitePlate):
 
     def slopes(self, port: int, held: Sequence[int], scale: float) -> Array:
         """Return the force and the highest stress (2,) per displacement of a port at rest."""
-        ports, x = [port, *held], SMALL_STEP * scale
+        ports = [port, *held]
+        x = SMALL_STEP * scale
         rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
         at = self._continued([(0.0, rest)], ports, x)
         if at is None:
@@ -317,10 +363,13 @@ class DrivenPlate(FinitePlate):
         return np.array([at.forces[port] / x, np.max(self.stress(at.unknowns)) / abs(x)])
 
     def reached(self, port: int, held: Sequence[int], x: float) -> PathPoint | None:
-        """Return the equilibrium at a displacement of a port, reached in steps from rest; None without one."""
+        """Return the equilibrium at a displacement of a port, reached in steps from rest; None
+        without one.
+        """
         ports = [port, *held]
         path = [(0.0, self.described(np.zeros(self.size), np.zeros(self.ports), ports))]
-        done, share = 0.0, 1 / STEPS
+        done = 0.0
+        share = 1 / STEPS
         for _ in range(MOST_STEPS):
             after = done + share
             if after > 1 - SMALLEST_STEP * share:  # also by round-off of the sum
@@ -349,7 +398,9 @@ class DrivenPlate(FinitePlate):
             found[STROKE] = float(np.min(1 - at.motions[self.openings] / self.strokes))
         return found
 
-    def _continued(self, path: Sequence[Placed], ports: Sequence[int], x: float) -> PathPoint | None:
+    def _continued(
+        self, path: Sequence[Placed], ports: Sequence[int], x: float
+    ) -> PathPoint | None:
         """Return the equilibrium at a displacement x, from the polynomial through others."""
         places = np.array([place for place, _ in path])
         weights = list[float]()
@@ -368,15 +419,21 @@ class DrivenPlate(FinitePlate):
         limits: PathLimits,
         linear: Array,
     ) -> PathEnd:
-        """Return the limit between the last equilibrium of a path and one beyond it, by the Illinois method."""
-        inside, low, high = list(path), path[-1][0], beyond[0]
+        """Return the limit between the last equilibrium of a path and one beyond it, by the
+        Illinois method.
+        """
+        inside = list(path)
+        low = path[-1][0]
+        high = beyond[0]
         below = min(self._margins(path[-1][1], limits).values())
         above = min(self._margins(beyond[1], limits).values())
         x, at = beyond
         for _ in range(MOST_STEPS):
             last = x
             x = low + (high - low) * below / (below - above)
-            if abs(x - low) < FINEST * abs(x):  # two points at one place have no polynomial through them
+            if abs(x - low) < FINEST * abs(
+                x
+            ):  # two points at one place have no polynomial through them
                 x, at = inside[-1]
                 break
             found = self._continued(inside[-3:], ports, x)
@@ -388,10 +445,14 @@ class DrivenPlate(FinitePlate):
             if abs(margin) < FINEST or abs(x - last) < FINEST * abs(x):
                 break
             if margin > 0:
-                low, below, above = x, margin, above / 2
+                low = x
+                below = margin
+                above = above / 2
                 inside.append((x, found))
             else:
-                high, above, below = x, margin, below / 2
+                high = x
+                above = margin
+                below = below / 2
         margins = self._margins(at, limits)
         kind = min(margins, key=lambda name: margins[name])
         end = _ended(path, (x, at), ports[0], kind, linear)
@@ -405,7 +466,10 @@ class DrivenPlate(FinitePlate):
 
 def drive_at_stroke(layout: Layout, motions: Array) -> str:
     """Return the name of the actuator that is nearest to its stroke, at motions (k,) of the ports."""
-    shares = [motions[port] / each.stroke for port, each in zip(layout.drive_ports, layout.actuators, strict=True)]
+    shares = [
+        motions[port] / each.stroke
+        for port, each in zip(layout.drive_ports, layout.actuators, strict=True)
+    ]
     return repr(layout.actuators[int(np.argmax(shares))].name)
 
 

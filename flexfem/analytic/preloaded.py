@@ -1,8 +1,9 @@
-"""Mechanisms under preloads: the tangent of beams at an equilibrium under dead loads and residual stress.
+"""Mechanisms under preloads: the tangent of beams at an equilibrium under dead loads and residual
+stress.
 
-A residual stress s of the plate is a strain by which all of it would shrink if the fixed bodies let it: hinges are then
-shorter at rest, and rigid bodies smaller. A hinge between two fixed bodies keeps the stress `s (1 - nu)`.
-"""
+A residual stress s of the plate is a strain by which all of it would shrink if the fixed bodies let
+it: hinges are then shorter at rest, and rigid bodies smaller. A hinge between two fixed bodies
+keeps the stress `s (1 - nu)`."""
 
 from __future__ import annotations
 
@@ -23,8 +24,8 @@ SMALLEST = 2.0**-10  # step towards the preload, as a share of it
 class BeamTangent(NamedTuple):
     """Tangent of beams at an equilibrium, for n unit loads on ports.
 
-    compliance : (n, n), mm and rad per N and N mm.   turned : (n,), rotation of the body of each port, rad.
-    """
+    compliance : (n, n), mm and rad per N and N mm.   turned : (n,), rotation of the body of each
+    port, rad."""
 
     compliance: Array
     turned: Array
@@ -33,13 +34,14 @@ class BeamTangent(NamedTuple):
 def preloaded(
     layout: Layout, load: Array, hinges: Array | None = None, ports: tuple[Port, ...] | None = None
 ) -> BeamTangent:
-    """Return the tangent at the equilibrium under a dead load (k,) on the ports of a layout and its residual stress.
+    """Return the tangent at the equilibrium under a dead load (k,) on the ports of a layout and its
+    residual stress.
 
     hinges : compliances (h, 3, 3) at the centres of the hinges, by default those of their profiles.
     ports : those of the tangent, by default the ports of the layout.
 
-    Raises ComputationFailed without an equilibrium near rest, or where it is not stable: the mechanism buckles.
-    """
+    Raises ComputationFailed without an equilibrium near rest, or where it is not stable: the
+    mechanism buckles."""
     own = layout.ports
     plate = FinitePlate(layout, hinges, own if ports is None else (*own, *ports))
     shrinkage = -layout.residual_stress * (1 - layout.poissons_ratio) / layout.youngs_modulus
@@ -48,7 +50,9 @@ def preloaded(
     q = _equilibrium(plate, force, shrinkage)
     at = plate.state(q, force)
     if np.linalg.eigvalsh(at.K)[0] <= 0:
-        raise ComputationFailed(f"the mechanism buckles before its preload is reached, {_shown(layout)}")
+        raise ComputationFailed(
+            f"the mechanism buckles before its preload is reached, {_shown(layout)}"
+        )
     compliance = at.P.T @ np.linalg.solve(at.K, at.P)
     turned = np.zeros(plate.ports)
     turned[plate.port] = q[plate.loaded + 2]
@@ -61,14 +65,20 @@ def _shown(layout: Layout) -> str:
 
 
 def _equilibrium(plate: FinitePlate, force: Array, shrinkage: float) -> Array:
-    """Return the unknowns (size,) under a load (k,) and a strain at rest, both applied in steps from rest."""
-    q, done, share = np.zeros(plate.size), 0.0, 1.0
+    """Return the unknowns (size,) under a load (k,) and a strain at rest, both applied in steps
+    from rest.
+    """
+    q = np.zeros(plate.size)
+    done = 0.0
+    share = 1.0
     while done < 1.0:
         after = min(1.0, done + share)
         plate.strain_at_rest = after * shrinkage
         reached = plate.equilibrium(q, after * force)
         if reached is not None:
-            q, done, share = reached, after, 2 * share
+            q = reached
+            done = after
+            share = 2 * share
             continue
         share /= 4
         if share < SMALLEST:
@@ -77,7 +87,8 @@ def _equilibrium(plate: FinitePlate, force: Array, shrinkage: float) -> Array:
 
 
 def modes(layout: Layout, load: Array, engaged: bool = False, hinges: Array | None = None) -> Array:
-    """Return natural frequencies (n,), rad/s, at an equilibrium, ascending, as `plates.modes` does at rest.
+    """Return natural frequencies (n,), rad/s, at an equilibrium, ascending, as `plates.modes` does
+    at rest.
 
     Notes
     -----
@@ -89,8 +100,13 @@ def modes(layout: Layout, load: Array, engaged: bool = False, hinges: Array | No
     C = with_springs(at.compliance, layout.drive.stiffness) if drives else at.compliance
     R = np.eye(len(M))
     for place, port in enumerate(ports):
-        if port.parts[0][1] == (1.0, 0.0, 0.0):  # followed by the motion along y of the same contact
-            c, s = np.cos(at.turned[place]), np.sin(at.turned[place])
+        if port.parts[0][1] == (
+            1.0,
+            0.0,
+            0.0,
+        ):  # followed by the motion along y of the same contact
+            c = np.cos(at.turned[place])
+            s = np.sin(at.turned[place])
             R[place : place + 2, place : place + 2] = [[c, -s], [s, c]]
     found = Dynamics(C, R @ M @ R.T, 3 * len(moving_bodies(layout))).frequencies
     return found[np.isfinite(found)]

@@ -1,16 +1,19 @@
-"""Response of the analytic model to drives, vibration and heat: loads and openings of `model.network_of`.
+"""Response of the analytic model to drives, vibration and heat: loads and openings of
+`model.network_of`.
 
-Drives: the unit force of a stack is a pair of opposite wrenches on two bodies, and its opening is the conjugate
-displacement. A force on an elastic link is distributed over a station, so that pieces of the link carry shares of it.
+Drives: the unit force of a stack is a pair of opposite wrenches on two bodies, and its opening is
+the conjugate displacement. A force on an elastic link is distributed over a station, so that pieces
+of the link carry shares of it.
 
-Vibration: unit wrenches on all seven moving bodies give the compliance C (21, 21) of their twists for any freedoms of
-the hinges; its rank is the mobility. With their mass matrix M, the eigenvalues of `C M` are `1 / omega^2`. Every body
-extends to the narrowest section of its hinges: half a notch moves with either side.
+Vibration: unit wrenches on all seven moving bodies give the compliance C (21, 21) of their twists
+for any freedoms of the hinges; its rank is the mobility. With their mass matrix M, the eigenvalues
+of `C M` are `1 / omega^2`. Every body extends to the narrowest section of its hinges: half a notch
+moves with either side.
 
-Heat: a chain that expands with its hinges at rest displaces the platform, as does a frame that expands. The difference
-is an opening of the chain. The change dT and the gradient are about the platform's centre. The frame also strains and
-bows the clamped edge of an elastic pad (`edge_motions`), which causes 1.1 % of the pose per gradient.
-"""
+Heat: a chain that expands with its hinges at rest displaces the platform, as does a frame that
+expands. The difference is an opening of the chain. The change dT and the gradient are about the
+platform's centre. The frame also strains and bows the clamped edge of an elastic pad
+(`edge_motions`), which causes 1.1 % of the pose per gradient."""
 
 from __future__ import annotations
 
@@ -42,7 +45,8 @@ ROUND_OFF = 1e-12  # relative, of the ends of two stations
 
 
 class DrivenModel(NamedTuple):
-    """Response to unit loads on the platform and a unit force of each of n stacks; leading axes are designs.
+    """Response to unit loads on the platform and a unit force of each of n stacks; leading axes are
+    designs.
 
     compliance : (..., 3 + n, 3 + n), pose and openings of the stacks, mm and rad, per N and N mm.
     necks : (..., 3 chains, 3 hinges, 3, 3 + n), wrench of each neck at the platform centre.
@@ -53,16 +57,20 @@ class DrivenModel(NamedTuple):
 
 
 class LinkParts(NamedTuple):
-    """Elastic bodies: compliance (..., 9, 9) of `body_compliance`; openings (..., 9, 3, 3 + n) of joints and motions
-    (..., 3 + n, 3 + n) by loads on the platform and n stacks, as in `network.InternalMotions`."""
+    """Elastic bodies: compliance (..., 9, 9) of `body_compliance`; openings (..., 9, 3, 3 + n) of
+    joints and motions (..., 3 + n, 3 + n) by loads on the platform and n stacks, as in
+    `network.InternalMotions`."""
 
     compliance: Array
     openings: Array
     motions: Array
 
 
-def driven_model(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...] | None = None) -> DrivenModel:
-    """Return the driven model of a stage with the hinges, freedoms and links of `result`; None takes its own stacks.
+def driven_model(
+    stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...] | None = None
+) -> DrivenModel:
+    """Return the driven model of a stage with the hinges, freedoms and links of `result`; None
+    takes its own stacks.
 
     Raises BadInput for a stage without actuators.
     """
@@ -72,15 +80,24 @@ def driven_model(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...]
 
 
 def driven(
-    frames: Frames, hinges: Compliance, freedoms: Freedoms, stacks: tuple[Stack, ...], elastic: LinkParts | None = None
+    frames: Frames,
+    hinges: Compliance,
+    freedoms: Freedoms,
+    stacks: tuple[Stack, ...],
+    elastic: LinkParts | None = None,
 ) -> DrivenModel:
-    """Return the driven model of any number of designs: frames (..., 3, 3, 2), hinges (..., 3, 3), wrenches of stacks.
+    """Return the driven model of any number of designs: frames (..., 3, 3, 2), hinges (..., 3, 3),
+    wrenches of stacks.
 
     nan for a design with a chain that has no compliance in some direction.
     """
     bodies = None if elastic is None else elastic.compliance
-    internal = None if elastic is None else network.InternalMotions(elastic.openings, elastic.motions)
-    response = network.solve(network_of(frames, hinges, freedoms, bodies), _loads_of(stacks), internal=internal)
+    internal = (
+        None if elastic is None else network.InternalMotions(elastic.openings, elastic.motions)
+    )
+    response = network.solve(
+        network_of(frames, hinges, freedoms, bodies), _loads_of(stacks), internal=internal
+    )
     return DrivenModel(response.motions, _by_chain(response.wrenches))
 
 
@@ -90,8 +107,12 @@ def _by_chain(wrenches: Array) -> Array:
 
 
 def _loads_of(stacks: tuple[Stack, ...]) -> Array:
-    """Loads (..., 7 bodies, 3, 3 + n): unit wrenches on the platform, then a unit force of each stack."""
-    lead = np.broadcast_shapes(*(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes))
+    """Loads (..., 7 bodies, 3, 3 + n): unit wrenches on the platform, then a unit force of each
+    stack.
+    """
+    lead = np.broadcast_shapes(
+        *(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes)
+    )
     loads = np.zeros((*lead, MOVING, 3, 3 + len(stacks)))
     loads[..., 0, :, :3] = np.eye(3)
     for j, stack in enumerate(stacks):
@@ -103,26 +124,38 @@ def _loads_of(stacks: tuple[Stack, ...]) -> Array:
 
 
 def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
-    """Return the elastic pads, links and platform of one stage. Raises BadInput when they cannot be drawn."""
+    """Return the elastic pads, links and platform of one stage. Raises BadInput when they cannot be
+    drawn.
+    """
     n = 3 + len(stacks)
-    openings, motions = np.zeros((len(JOINTS), 3, n)), np.zeros((n, n))
+    openings = np.zeros((len(JOINTS), 3, n))
+    motions = np.zeros((n, n))
     for chain in CHAINS:
         # forces on the platform act on its rigid hub, and have no station
-        pushes = [(j, push) for j, stack in enumerate(stacks, start=3) if stack.chain == chain - 1
-                  for push in stack.pushes if push.station is not None]  # fmt: skip
-        for link, compliance, at in link_pieces(stage, chain, [push for _, push in pushes]) if pushes else ():
+        pushes = [
+            (j, push)
+            for j, stack in enumerate(stacks, start=3)
+            if stack.chain == chain - 1
+            for push in stack.pushes
+            if push.station is not None
+        ]
+        for link, compliance, at in (
+            link_pieces(stage, chain, [push for _, push in pushes]) if pushes else ()
+        ):
             Q = np.zeros((len(at), 3, n))
             for j, push in pushes:
                 Q[:, :, j] += distal_share(push, link, at)[:, None] * push.wrench
             CQ = compliance @ Q
-            openings[3 * chain - 1] += chain_rotation(chain - 1) @ np.sum(CQ, axis=0)  # in the joint at the platform
+            openings[3 * chain - 1] += chain_rotation(chain - 1) @ np.sum(
+                CQ, axis=0
+            )  # in the joint at the platform
             motions += np.tensordot(Q, CQ, axes=([0, 1], [0, 1]))
     return LinkParts(body_compliance(stage), openings, motions)
 
 
 class Pieces(NamedTuple):
-    """Pieces (q) of a line or arc of a chain's pad (link 0) or link: compliances (q, 3, 3) at the platform in the frame
-    of chain 1, and positions along the link, mm."""
+    """Pieces (q) of a line or arc of a chain's pad (link 0) or link: compliances (q, 3, 3) at the
+    platform in the frame of chain 1, and positions along the link, mm."""
 
     link: int
     compliance: Array
@@ -130,11 +163,15 @@ class Pieces(NamedTuple):
 
 
 def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
-    """Return the pieces of pad and links of a chain (1 to 3), base to platform, split at the ends of the stations."""
+    """Return the pieces of pad and links of a chain (1 to 3), base to platform, split at the ends
+    of the stations.
+    """
     pieces = []
     for link, path in enumerate(drawn.centrelines(stage, chain)):
         begin = 0.0
-        stations = [push.station for push in pushes if push.body == link and push.station is not None]
+        stations = [
+            push.station for push in pushes if push.body == link and push.station is not None
+        ]
         for segment in path:
             for low, high in _intervals(begin, begin + segment.length, stations):
                 ends = (low - begin) / segment.length, (high - begin) / segment.length
@@ -146,40 +183,59 @@ def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
 
 def _intervals(begin: float, end: float, stations: list[Station]) -> list[tuple[float, float]]:
     """Split a length of a path at the ends of stations; ends that differ by round-off count once."""
-    marks = {mark for station in stations for mark in (station.middle - station.half, station.middle + station.half)}
+    marks = {
+        mark
+        for station in stations
+        for mark in (station.middle - station.half, station.middle + station.half)
+    }
     cuts = [begin, *sorted(mark for mark in marks if begin < mark < end), end]
     least = ROUND_OFF * (abs(begin) + abs(end))
-    return list(pairwise([cut for cut, following in pairwise(cuts) if following - cut > least] + [end]))
+    return list(
+        pairwise([cut for cut, following in pairwise(cuts) if following - cut > least] + [end])
+    )
 
 
 def distal_share(push: Push, link: int, at: Array) -> Array:
-    """Return the share (q,) of a force on a body that acts distal to places (q,), mm along a link (0 is the pad)."""
+    """Return the share (q,) of a force on a body that acts distal to places (q,), mm along a link
+    (0 is the pad).
+    """
     if push.body == link and push.station is not None:
         return share_beyond(push.station, at)
     return np.full(len(at), float(push.body > link))
 
 
-def dynamics(stage: Stage, model: AnalyticResult, payload: drawn.Payload, stacks: tuple[Stack, ...] = ()) -> Dynamics:
-    """Return the dynamics of one stage by an analytic model, of the twists of platform, then link 1 and link 2 of every
-    chain, at the platform centre. The openings of `stacks` are appended to the compliance, for `network.with_springs`.
-    """
-    driven_stage = driven_model(stage, model, (*body_loads(stage if model.links else None), *stacks))
-    return Dynamics(driven_stage.compliance, mass_matrix(stage, payload), FREEDOMS if model.links else model.mobility)
+def dynamics(
+    stage: Stage, model: AnalyticResult, payload: drawn.Payload, stacks: tuple[Stack, ...] = ()
+) -> Dynamics:
+    """Return the dynamics of one stage by an analytic model, of the twists of platform, then link 1
+    and link 2 of every chain, at the platform centre. The openings of `stacks` are appended to the
+    compliance, for `network.with_springs`."""
+    driven_stage = driven_model(
+        stage, model, (*body_loads(stage if model.links else None), *stacks)
+    )
+    return Dynamics(
+        driven_stage.compliance,
+        mass_matrix(stage, payload),
+        FREEDOMS if model.links else model.mobility,
+    )
 
 
 def mass_matrix(stage: Stage, payload: drawn.Payload) -> Array:
     """Return the mass matrix (21, 21) of the moving bodies of one stage, about the platform centre."""
     areal = drawn.mass_per_area(stage)
-    bodies = drawn.inertia_of(drawn.body_moments(stage), np.full((len(CHAINS), PLATFORM + 1), areal))
+    bodies = drawn.inertia_of(
+        drawn.body_moments(stage), np.full((len(CHAINS), PLATFORM + 1), areal)
+    )
     platform = bodies[:, PLATFORM].sum(axis=0) + drawn.carried(stage, payload)
     return network.block_diagonal(np.stack([platform, *bodies[:, list(LINKS)].reshape(-1, 3, 3)]))
 
 
 def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
-    """Return unit wrenches on the links: x, y, theta of link 1 and link 2 of every chain, in the stage's frame.
+    """Return unit wrenches on the links: x, y, theta of link 1 and link 2 of every chain, in the
+    stage's frame.
 
-    stage : distributes them along its elastic links, like inertia forces; None where links are rigid.
-    """
+    stage : distributes them along its elastic links, like inertia forces; None where links are
+    rigid."""
     loads = []
     for chain in range(len(CHAINS)):
         for link in LINKS:
@@ -188,13 +244,20 @@ def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
                 path = drawn.centrelines(stage, chain + 1)[link]
                 half = sum(segment.length for segment in path) / 2
                 station = Station(path, stage.chain.link_width, half, half)
-            for wrench in np.eye(3) @ chain_rotation(chain):  # rows: the stage's directions in the chain's frame
-                loads.append(Stack(chain, (Push(link, wrench, station), Push(0, np.zeros(3), None))))
+            for wrench in np.eye(3) @ chain_rotation(
+                chain
+            ):  # rows: the stage's directions in the chain's frame
+                loads.append(
+                    Stack(chain, (Push(link, wrench, station), Push(0, np.zeros(3), None)))
+                )
     return tuple(loads)
 
 
-def under_weight(stage: Stage, model: AnalyticResult, payload: drawn.Payload, gravity: Array) -> tuple[Array, Array]:
-    """Return the pose (3,) and the highest neck stress (3 chains, 3 hinges), MPa, of a stage under its own weight.
+def under_weight(
+    stage: Stage, model: AnalyticResult, payload: drawn.Payload, gravity: Array
+) -> tuple[Array, Array]:
+    """Return the pose (3,) and the highest neck stress (3 chains, 3 hinges), MPa, of a stage under
+    its own weight.
 
     gravity : (2,), acceleration in the plane, mm/s^2.
     """
@@ -205,7 +268,9 @@ def under_weight(stage: Stage, model: AnalyticResult, payload: drawn.Payload, gr
 
 
 def _stress(designs: Designs, wrenches: Array) -> Array:
-    """Largest von Mises stress (n, 3 chains, 3 hinges, k), MPa, for wrenches (n, 3, 3, 3, k) of the necks."""
+    """Largest von Mises stress (n, 3 chains, 3 hinges, k), MPa, for wrenches (n, 3, 3, 3, k) of the
+    necks.
+    """
     wrench = at_necks(designs.frames, wrenches)
     return neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
 
@@ -218,7 +283,8 @@ class WarmModel(NamedTuple):
     """Response of n designs to three cases, the last axis: 1 K, 1 K/mm along x, 1 K/mm along y.
 
     pose : (n, 3, 3 cases), of the platform, mm and rad.
-    reaction : (n, 3 chains, 3, 3 cases), of the ground on each chain about the platform's centre, N and N mm.
+    reaction : (n, 3 chains, 3, 3 cases), of the ground on each chain about the platform's centre, N
+    and N mm.
     stress : (n, 3 chains, 3 hinges, 3 cases), largest von Mises stress at each neck, MPa.
     """
 
@@ -228,58 +294,70 @@ class WarmModel(NamedTuple):
 
 
 class WarmBodies(NamedTuple):
-    """Elastic bodies of n designs: compliance (n, 9, 9) of `body_compliance`, edges (n, 3, 3, 3) of `edge_motions`."""
+    """Elastic bodies of n designs: compliance (n, 9, 9) of `body_compliance`, edges (n, 3, 3, 3) of
+    `edge_motions`.
+    """
 
     compliance: Array
     edges: Array
 
 
 class DriftRates(NamedTuple):
-    """Drift of n designs: pose per kelvin (n, 3), mm and rad; largest translation and rotation per K/mm (n, 2)."""
+    """Drift of n designs: pose per kelvin (n, 3), mm and rad; largest translation and rotation per
+    K/mm (n, 2).
+    """
 
     uniform: Array
     gradient: Array
 
 
 def require_expansion(stage: PlateFile, frame: bool = False) -> None:
-    """Raise BadInput for a stage or mechanism without an expansion or, if `frame`, for a frame without one."""
+    """Raise BadInput for a stage or mechanism without an expansion or, if `frame`, for a frame
+    without one.
+    """
     if stage.material.expansion is None:
         raise BadInput(f"material.expansion_um_per_m_k {MISSING} (aluminium 23.6)")
     for part in stage.layout.parts:
         if part.material is not None and part.material.expansion is None:
-            raise BadInput(f"{part.key}.material.expansion_um_per_m_k {MISSING}: other parts have another material")
+            raise BadInput(
+                f"{part.key}.material.expansion_um_per_m_k {MISSING}: other parts have another "
+                "material"
+            )
     if frame and isinstance(stage, Stage) and stage.frame.expansion is None:
         reason = "with the expansion of the stage it does not move the platform"
         raise BadInput(f"frame.expansion_um_per_m_k {MISSING} of the frame: {reason}")
 
 
 def expansion_in_plane(plate: Rates, frame: Rates, out_of_plane: Rates) -> Rates:
-    """Return the effective expansion in the plane, 1/K, of a plate on a frame, with coefficients in 1/K.
+    """Return the effective expansion in the plane, 1/K, of a plate on a frame, with coefficients in
+    1/K.
 
     Notes
     -----
-    In plane strain, where `out_of_plane` is nu, the faces are held at the expansion of the frame. The strain
-    `a_frame T` across the plate and `s_z = nu (s_x + s_y) + E (a_frame - a) T` leave `a T + nu (a - a_frame) T` in the
-    plane. In plane stress, where `out_of_plane` is zero, the faces are free and the expansion is that of the plate.
-    """
+    In plane strain, where `out_of_plane` is nu, the faces are held at the expansion of the frame.
+    The strain `a_frame T` across the plate and `s_z = nu (s_x + s_y) + E (a_frame - a) T` leave `a
+    T + nu (a - a_frame) T` in the plane. In plane stress, where `out_of_plane` is zero, the faces
+    are free and the expansion is that of the plate."""
     return plate + out_of_plane * (plate - frame)
 
 
 def in_plane(designs: Designs) -> tuple[Array, Array]:
-    """Return the effective in-plane expansions (n,), 1/K, of stage and frame; a missing frame's equals the stage's."""
+    """Return the effective in-plane expansions (n,), 1/K, of stage and frame; a missing frame's
+    equals the stage's.
+    """
     stage, frame = designs.expansion.T
     frame = np.where(np.isnan(frame), stage, frame)
     return expansion_in_plane(stage, frame, designs.out_of_plane), frame
 
 
 def rates_of(pose: Array) -> DriftRates:
-    """Return the drift rates of poses (n, 3, 3 cases), the largest over all directions of the gradient.
+    """Return the drift rates of poses (n, 3, 3 cases), the largest over all directions of the
+    gradient.
 
     Notes
     -----
-    The translation is the largest singular value, in closed form, of the matrix (2, 2) of both gradients. Translation
-    and rotation may be largest for different directions.
-    """
+    The translation is the largest singular value, in closed form, of the matrix (2, 2) of both
+    gradients. Translation and rotation may be largest for different directions."""
     (a, b), (c, d), rotation = np.moveaxis(pose[:, :, 1:], 0, -1)
     translation = (np.hypot(a + d, c - b) + np.hypot(a - d, b + c)) / 2
     return DriftRates(pose[:, :, 0], np.stack([translation, np.hypot(*rotation)], axis=-1))
@@ -305,18 +383,23 @@ def drift(
         misfit = misfit + (frame_expansion - stage_expansion)[:, None, None, None] * bodies.edges
     openings = np.zeros((len(misfit), len(JOINTS), 3, 3))
     openings[:, ::3] = misfit  # of each chain, in its first joint
-    mechanism = network_of(designs.frames, hinges, freedoms, None if bodies is None else bodies.compliance)
+    mechanism = network_of(
+        designs.frames, hinges, freedoms, None if bodies is None else bodies.compliance
+    )
     pose, wrenches, _ = network.solve(mechanism, np.zeros((MOVING, 3, 3)), openings)
     return WarmModel(pose, -wrenches[:, ::3], _stress(designs, _by_chain(wrenches)))
 
 
 def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:
-    """Return the displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone, its hinges at rest.
+    """Return the displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone, its
+    hinges at rest.
 
     That of the ground about the platform's centre is the same for any path of the chain.
     """
     centres, axes = designs.frames
     pad = designs.radius[:, :, 0] + designs.link_width[:, None]
     ground = centres[:, :, 0] - pad[..., None] * direction(axes[:, :, 0])
-    difference = (frame_expansion - stage_expansion)[:, None, None, None]  # exactly zero for equal expansions
+    difference = (frame_expansion - stage_expansion)[
+        :, None, None, None
+    ]  # exactly zero for equal expansions
     return np.asarray(difference * network.ground_motions(ground @ [1, 1j]))

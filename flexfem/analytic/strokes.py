@@ -1,8 +1,8 @@
-"""Equilibria of a mechanism of beams by the strokes of its actuators and under dead loads, with finite rotations.
+"""Equilibria of a mechanism of beams by the strokes of its actuators and under dead loads, with
+finite rotations.
 
-An actuator of stiffness k and stroke s pushes its contacts apart with the force `k (s - d)` at an opening d. It acts
-along its line at rest.
-"""
+An actuator of stiffness k and stroke s pushes its contacts apart with the force `k (s - d)` at an
+opening d. It acts along its line at rest."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ SMALL = 1e-5  # of a command, for the stress by linear theory
 
 
 class Displaced(NamedTuple):
-    """Motions (k,), mm and rad, of the ports, loads (k,), N and N mm, on them, and highest stress (h,), MPa.
+    """Motions (k,), mm and rad, of the ports, loads (k,), N and N mm, on them, and highest stress
+    (h,), MPa.
 
     Or changes of these, or their possible errors.
     """
@@ -40,8 +41,8 @@ class Displaced(NamedTuple):
 class Applied(NamedTuple):
     """Dead loads (k,) on the ports, N and N mm, and strokes (k,) of the actuators at ports, mm.
 
-    springs : (k,), stiffness of the actuators, N/mm; zero at ports without one, infinite if it holds its opening.
-    """
+    springs : (k,), stiffness of the actuators, N/mm; zero at ports without one, infinite if it
+    holds its opening."""
 
     loads: Array
     strokes: Array
@@ -62,7 +63,9 @@ def linear(plate: DrivenPlate, command: Applied) -> Displaced:
 def displaced_by(plate: DrivenPlate, command: Applied) -> Displaced | None:
     """Return the equilibrium at a command, which grows from rest in steps; None without one."""
     springs = _springs(plate, command)
-    q, done, share = np.zeros(plate.size), 0.0, 1.0
+    q = np.zeros(plate.size)
+    done = 0.0
+    share = 1.0
     while done < 1.0:
         after = min(1.0, done + share)
         part = Applied(after * command.loads, after * command.strokes, springs)
@@ -72,7 +75,9 @@ def displaced_by(plate: DrivenPlate, command: Applied) -> Displaced | None:
             if share < SMALLEST:
                 return None
             continue
-        q, done, share = found, after, 2 * share
+        q = found
+        done = after
+        share = 2 * share
     motions = plate.state(q, command.loads).motions
     loads = command.loads + springs * (command.strokes - motions)
     return Displaced(motions, loads, plate.stress(q))
@@ -88,7 +93,9 @@ def _springs(plate: DrivenPlate, command: Applied) -> Array:
 
 
 def _equilibrium(plate: DrivenPlate, q: Array, command: Applied) -> Array | None:
-    """Return the unknowns (size,) at a command, from a start; None if Newton's method does not converge."""
+    """Return the unknowns (size,) at a command, from a start; None if Newton's method does not
+    converge.
+    """
     for _ in range(ITERATIONS):
         motions = plate.state(q, command.loads).motions
         at = plate.state(q, command.loads + command.springs * (command.strokes - motions))

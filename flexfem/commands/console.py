@@ -29,8 +29,10 @@ def usable(folder: Path | None) -> Path | None:
     return folder
 
 
-WIDTH, GAP = 80, 2  # characters of a line in a file, and between two columns
-NARROWEST, LONGEST = 8, 30  # characters of a heading, and of the name of a row, in tables that are too wide
+WIDTH = 80
+GAP = 2  # characters of a line in a file, and between two columns
+NARROWEST = 8
+LONGEST = 30  # characters of a heading, and of the name of a row, in tables that are too wide
 
 OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for the written files.")
 OutputFolder = Annotated[Path | None, OUTPUT]
@@ -38,13 +40,17 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
 def plain(value: Any) -> Any:
-    """Convert results, records, named tuples, paths and arrays to plain data; non-finite numbers become None."""
+    """Convert results, records, named tuples, paths and arrays to plain data; non-finite numbers
+    become None.
+    """
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if hasattr(value, "model_dump"):
         return value.model_dump(mode="json")
     if hasattr(value, "_asdict"):
-        properties = [name for name, part in vars(type(value)).items() if isinstance(part, property)]
+        properties = [
+            name for name, part in vars(type(value)).items() if isinstance(part, property)
+        ]
         value = value._asdict() | {name: getattr(value, name) for name in properties}
     if hasattr(value, "tolist"):
         value = value.tolist()
@@ -75,8 +81,11 @@ def _print(found: Any) -> None:
 
     terminal = sys.stdout is not None and sys.stdout.isatty()  # in a file each sentence is a line
     width = None if terminal else shutil.get_terminal_size((WIDTH, 24)).columns
-    out = Console(soft_wrap=not terminal, highlight=False, markup=False, color_system=None, width=width)
-    warnings, key = getattr(found, "warnings", []), getattr(found, "main_key", "")
+    out = Console(
+        soft_wrap=not terminal, highlight=False, markup=False, color_system=None, width=width
+    )
+    warnings = getattr(found, "warnings", [])
+    key = getattr(found, "main_key", "")
     for text in (first := [text for text in warnings if key and text.startswith(key)]):
         out.print(f"warning: {text}")
     if hasattr(found, "tables"):
@@ -97,12 +106,16 @@ def _print(found: Any) -> None:
     for text in warnings:
         if text not in first:
             out.print(f"warning: {text}")
-    for text in assumptions_said(getattr(assumptions, "assumed", []), getattr(assumptions, "not_stated", [])):
+    for text in assumptions_said(
+        getattr(assumptions, "assumed", []), getattr(assumptions, "not_stated", [])
+    ):
         out.print(f"{text}: --json lists them")
 
 
 def print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None:
-    """Print tables without rules, each below its caption; those wider than `width` in parts with the same rows."""
+    """Print tables without rules, each below its caption; those wider than `width` in parts with
+    the same rows.
+    """
     from rich.table import Table
 
     from flexfem.results import SPACE
@@ -117,7 +130,9 @@ def print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None:
         names = min(content.names, len(columns) - 1) or 1
         for gap, count in ((GAP, 1), (1, 1), *((GAP, count) for count in range(2, len(columns)))):
             size = -(-(len(columns) - names) // count) or 1
-            parts = [columns[:names] + columns[k : k + size] for k in range(names, len(columns), size)] or [columns]
+            parts = [
+                columns[:names] + columns[k : k + size] for k in range(names, len(columns), size)
+            ] or [columns]
             if size == 1 or all(_fits(part, gap, width) for part in parts):
                 break
         out.print()

@@ -1,4 +1,6 @@
-"""Entry point of the program: Ctrl-C ends it with one line even during the import of the command line."""
+"""Entry point of the program: Ctrl-C ends it with one line even during the import of the command
+line.
+"""
 
 import os
 import signal
@@ -11,7 +13,9 @@ def _end(number: int, frame: FrameType | None) -> None:
     os._exit(128 + number)
 
 
-if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a background job ignores the signal
+if (
+    signal.getsignal(signal.SIGINT) is signal.default_int_handler
+):  # a background job ignores the signal
     signal.signal(signal.SIGINT, _end)
 
 from flexfem.commands.cli import main  # noqa: E402

@@ -1,4 +1,6 @@
-"""The design space, and the analytic model with finite-element corrections, evaluated for many designs at once."""
+"""The design space, and the analytic model with finite-element corrections, evaluated for many
+designs at once.
+"""
 
 from __future__ import annotations
 
@@ -31,8 +33,11 @@ MISSED = 1e30  # least merit of a design that violates requirements
 REFUSED_MERIT = 100 * MISSED  # merit of a design without a solution, or with overlapping bodies
 ROUND_OFF = 1e-9  # relative to the size of a requirement: smaller violations count as none
 BETWEEN = 0.45  # largest guard at each end, as a part of the distance between two ends
-NEAR = 0.1  # least ratio of finite elements and model, either way, at which the correction is a factor, not a term
-WHOLE = 6  # stepped dimensions up to which all combinations of neighbours are evaluated; of more, all pairs
+# least ratio of finite elements and model, either way, at which the correction is a factor, not a
+# term
+NEAR = 0.1
+# stepped dimensions up to which all combinations of neighbours are evaluated; of more, all pairs
+WHOLE = 6
 
 
 def silent(text: str) -> None:
@@ -42,15 +47,18 @@ def silent(text: str) -> None:
 class DesignSpace:
     """The free dimensions; designs are rows (n, d) of values in file units.
 
-    `allowed` holds the ascending values (k,) that each dimension can take, none for a continuous one. `listed` marks
-    the dimensions with a list of values instead of a range.
-    """
+    `allowed` holds the ascending values (k,) that each dimension can take, none for a continuous
+    one. `listed` marks the dimensions with a list of values instead of a range."""
 
     def __init__(self, columns: tuple[Column, ...]) -> None:
         factors = [column.factor for column in columns if isinstance(column.factor, Free)]
-        self.size, self.names = len(columns), [column.name for column in columns]
+        self.size = len(columns)
+        self.names = [column.name for column in columns]
         self.allowed = [factor.allowed for factor in factors]
-        ends = [v[[0, -1]] if len(v) else (f.start, f.end) for f, v in zip(factors, self.allowed, strict=True)]
+        ends = [
+            v[[0, -1]] if len(v) else (f.start, f.end)
+            for f, v in zip(factors, self.allowed, strict=True)
+        ]
         self.low, self.high = np.array(ends, dtype=float).T
         self.continuous = np.array([len(allowed) == 0 for allowed in self.allowed])
         self.listed = np.array([factor.values is not None for factor in factors])
@@ -62,42 +70,56 @@ class DesignSpace:
         return dict(zip(self.names, map(float, values), strict=True))
 
     def from_unit(self, u: Array) -> Array:
-        """Map points (n, d) of the unit cube to designs (n, d); the values of a list have equal probability."""
+        """Map points (n, d) of the unit cube to designs (n, d); the values of a list have equal
+        probability.
+        """
         values = np.where(self.log, self.low * self.ratio**u, self.low + (self.high - self.low) * u)
         for k in map(int, np.flatnonzero(self.listed)):
             allowed = self.allowed[k]
-            values[:, k] = allowed[np.minimum((u[:, k] * len(allowed)).astype(int), len(allowed) - 1)]
+            values[:, k] = allowed[
+                np.minimum((u[:, k] * len(allowed)).astype(int), len(allowed) - 1)
+            ]
         return np.asarray(values)
 
     def to_unit(self, values: Array) -> Array:
         """Map designs (n, d) to points (n, d) of the unit cube."""
         u = (values - self.low) / np.where(self.high > self.low, self.high - self.low, 1.0)
-        u[:, self.log] = np.log(values[:, self.log] / self.low[self.log]) / np.log(self.ratio[self.log])
+        u[:, self.log] = np.log(values[:, self.log] / self.low[self.log]) / np.log(
+            self.ratio[self.log]
+        )
         for k in map(int, np.flatnonzero(self.listed)):
             u[:, k] = (self._nearest(k, values[:, k]) + 0.5) / len(self.allowed[k])
         return np.asarray(np.clip(u, 0, 1))
 
     def snapped(self, values: Array) -> Array:
         """Return the nearest designs (n, d) whose dimensions have allowed values."""
-        columns = [x if free else self.allowed[k][self._nearest(k, x)]
-                   for k, (x, free) in enumerate(zip(values.T, self.continuous, strict=True))]  # fmt: skip
+        columns = [
+            x if free else self.allowed[k][self._nearest(k, x)]
+            for k, (x, free) in enumerate(zip(values.T, self.continuous, strict=True))
+        ]
         return np.column_stack(columns)
 
     def adjacent(self, k: int, x: float) -> list[float]:
-        """Return the allowed value of dimension k nearest to `x` and those next to it; `x` for a continuous one."""
+        """Return the allowed value of dimension k nearest to `x` and those next to it; `x` for a
+        continuous one.
+        """
         if self.continuous[k]:
             return [x]
         nearest = int(self._nearest(k, np.array([x]))[0])
         return [float(value) for value in self.allowed[k][max(nearest - 1, 0) : nearest + 2]]
 
     def neighbours(self, values: Array) -> Array:
-        """Return the designs (n, d) within one step of `values` (d,) in all dimensions, or in pairs of many."""
+        """Return the designs (n, d) within one step of `values` (d,) in all dimensions, or in pairs
+        of many.
+        """
         adjacent = [self.adjacent(k, float(x)) for k, x in enumerate(values)]
         moves: list[tuple[int, ...]] = [tuple(range(self.size))]
         if sum(len(options) > 1 for options in adjacent) > WHOLE:
             moves = list(combinations(range(self.size), 2))
         designs = [
-            one for move in moves for one in product(*(adjacent[k] if k in move else [x] for k, x in enumerate(values)))
+            one
+            for move in moves
+            for one in product(*(adjacent[k] if k in move else [x] for k, x in enumerate(values)))
         ]
         return np.unique(np.array(designs), axis=0)
 
@@ -106,7 +128,9 @@ class DesignSpace:
 
 
 class Correction(NamedTuple):
-    """Map from a column of the analytic model to that of finite elements: `factor` times the value, plus `term`."""
+    """Map from a column of the analytic model to that of finite elements: `factor` times the value,
+    plus `term`.
+    """
 
     factor: float = 1.0
     term: float = 0.0
@@ -121,13 +145,14 @@ def correction_of(model: float, elements: float) -> Correction:
 
 @dataclass
 class Model:
-    """The corrected analytic model of the requirements; it counts its evaluations, and searches report to `say`.
+    """The corrected analytic model of the requirements; it counts its evaluations, and searches
+    report to `say`.
 
-    `corrections` are by column. Quantities (q,) are the objectives, then the required ones; `low` and `high` are their
-    ends, infinite without one, and `sizes` the larger end, zero without one. `guard` (q,) tightens the ends, relative
-    to the sizes. The objective with index `objective` is minimised while `bounds` limit the signed values of others.
-    The quantity with index `soft` may miss its ends: its violation is minimised instead of the objective.
-    """
+    `corrections` are by column. Quantities (q,) are the objectives, then the required ones; `low`
+    and `high` are their ends, infinite without one, and `sizes` the larger end, zero without one.
+    `guard` (q,) tightens the ends, relative to the sizes. The objective with index `objective` is
+    minimised while `bounds` limit the signed values of others. The quantity with index `soft` may
+    miss its ends: its violation is minimised instead of the objective."""
 
     loaded: LoadedRequirements
     corrections: Mapping[str, Correction] = field(default_factory=dict)
@@ -137,7 +162,9 @@ class Model:
     soft: int | None = None
     counts: Counter[str] = field(default_factory=Counter)
     say: Progress = silent
-    known: dict[bytes, Rows] = field(default_factory=dict)  # rows of mechanisms, which take 20 ms each
+    known: dict[bytes, Rows] = field(
+        default_factory=dict
+    )  # rows of mechanisms, which take 20 ms each
 
     def __post_init__(self) -> None:
         self.required, self.space = self.loaded.requirements, DesignSpace(self.loaded.columns)
@@ -158,26 +185,42 @@ class Model:
         return NeckScatter.drawn(self.required.tolerance, self.required.seed) if wanted else None
 
     def evaluate(self, values: Array) -> Array:
-        """Return the quantities (n, q) of designs (n, d) in file units, objectives first; nan without a solution."""
+        """Return the quantities (n, q) of designs (n, d) in file units, objectives first; nan
+        without a solution.
+        """
         columns, reason = self.columns(values)
         return np.where((reason == "")[:, None], self.quantities(self.corrected(columns)), np.nan)
 
     def columns(self, values: Array) -> tuple[dict[str, Array], AnyArray]:
-        """Return the uncorrected columns (n,) of the model by name, and the reasons (n,) for designs without any."""
-        study, required, rows = self.loaded, self.required, self._rows(values)
+        """Return the uncorrected columns (n,) of the model by name, and the reasons (n,) for
+        designs without any.
+        """
+        study = self.loaded
+        required = self.required
+        rows = self._rows(values)
         reason = np.where(rows.status == "ok", "", rows.reason).astype(object)
-        columns = dict(zip((*study.outputs, *self.space.names), (*rows.values.T, *values.T), strict=True))
+        columns = dict(
+            zip((*study.outputs, *self.space.names), (*rows.values.T, *values.T), strict=True)
+        )
         with np.errstate(all="ignore"):
             if required.used & {*MASS}:
                 drawn = self._drawn(values, reason, lambda stage: float(drawn_inertia(stage)[0, 0]))
-                columns["mass_kg"] = UNITS["kg"].factor * np.array([drawn.get(k, np.nan) for k in range(len(values))])
+                columns["mass_kg"] = UNITS["kg"].factor * np.array(
+                    [drawn.get(k, np.nan) for k in range(len(values))]
+                )
             if required.used & {*ERRORS}:
-                K = np.array([columns[name] for name in STIFFNESSES]).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+                K = np.array([columns[name] for name in STIFFNESSES]).T[
+                    :, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]
+                ]
                 errors = formula_errors(designs_of(study, values), K, required.paper_formula)
                 columns |= dict(zip(ERRORS, errors.T, strict=True))
             if self.scatter is not None:
-                self.counts["analytic with scattered necks"] += len(values) * len(self.scatter.searched)
-                couplings = self.scatter.quantiles(designs_of(study, values), required.formula, required.mobility)
+                self.counts["analytic with scattered necks"] += len(values) * len(
+                    self.scatter.searched
+                )
+                couplings = self.scatter.quantiles(
+                    designs_of(study, values), required.formula, required.mobility
+                )
                 reason[(reason == "") & np.isnan(couplings).any(axis=1)] = REFUSED
                 columns |= dict(zip(SCATTERED, couplings.T, strict=True))
         return columns, reason
@@ -195,20 +238,30 @@ class Model:
                 self.known[key] = answer_designs(study, row[None])
         return joined(study, [self.known[key] for key in keys])
 
-    def _drawn(self, values: Array, reason: AnyArray, function: Callable[[Stage], Any]) -> dict[int, Any]:
-        """Return the results of a function of each drawn stage; write why one cannot be drawn to `reason` (n,)."""
+    def _drawn(
+        self, values: Array, reason: AnyArray, function: Callable[[Stage], Any]
+    ) -> dict[int, Any]:
+        """Return the results of a function of each drawn stage; write why one cannot be drawn to
+        `reason` (n,).
+        """
         self.counts["drawn"] += int(np.sum(reason == ""))
         return for_stages(lambda k: stage_of(self.loaded, values[k]), reason, function)
 
     def corrected(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Apply the corrections to columns by name."""
         by = self.corrections
-        return {name: by[name].factor * x + by[name].term if name in by else x for name, x in columns.items()}
+        return {
+            name: by[name].factor * x + by[name].term if name in by else x
+            for name, x in columns.items()
+        }
 
     def quantities(self, columns: Mapping[str, Array]) -> Array:
         """Return the quantities (n, q) of columns (n,) by name."""
-        known, n = dict(columns), len(next(iter(columns.values())))
-        return np.column_stack([evaluated(self.loaded, text, known, n) for text in self.required.quantities])
+        known = dict(columns)
+        n = len(next(iter(columns.values())))
+        return np.column_stack(
+            [evaluated(self.loaded, text, known, n) for text in self.required.quantities]
+        )
 
     def signed(self, quantities: Array) -> Array:
         """Return all objectives (n, k) of quantities (n, q), with the signs for minimisation."""
@@ -218,7 +271,9 @@ class Model:
         """Return the relative margins (n, q) to the lower and to the upper ends, guards included."""
         guard = np.minimum(self.guard * self.sizes, self.room)
         with np.errstate(all="ignore"):  # quantities without a finite value, or without an end
-            return (quantities - self.low - guard) / self.sizes, (self.high - guard - quantities) / self.sizes
+            return (quantities - self.low - guard) / self.sizes, (
+                self.high - guard - quantities
+            ) / self.sizes
 
     def margins(self, quantities: Array) -> Array:
         """Return the relative margin (n, q) of each quantity, the smaller one of both ends."""
@@ -232,30 +287,36 @@ class Model:
         return np.where(missed > ROUND_OFF, missed, 0.0)
 
     def cost(self, quantities: Array) -> Array:
-        """Return the minimised value (n,): the signed objective, or the violation of the soft requirement."""
+        """Return the minimised value (n,): the signed objective, or the violation of the soft
+        requirement.
+        """
         if self.soft is not None:
             return np.maximum(0.0, -self.margins(quantities)[:, self.soft])
         return np.asarray(self.signed(quantities)[:, self.objective])
 
     def merit(self, quantities: Array) -> Array:
-        """Return the merit (n,), to be minimised: the cost of feasible designs, more than that for larger violations.
+        """Return the merit (n,), to be minimised: the cost of feasible designs, more than that for
+        larger violations.
 
         Notes
         -----
-        The merit follows the feasibility rules of Deb (Comput. Methods Appl. Mech. Eng. 186 (2000) 311-338), with the
-        sum of the relative violations.
-        """
+        The merit follows the feasibility rules of Deb (Comput. Methods Appl. Mech. Eng. 186 (2000)
+        311-338), with the sum of the relative violations."""
         missed = np.sum(self.violations(quantities), axis=1)
         merit = np.where(missed > 0, MISSED * (1 + np.minimum(missed, 90.0)), self.cost(quantities))
         return np.where(np.isfinite(quantities).all(axis=1), merit, REFUSED_MERIT)
 
     def drawable(self, values: Array) -> bool:
-        """Return whether a design (d,) can be drawn, without overlap of its bodies, as any mechanism with a result."""
+        """Return whether a design (d,) can be drawn, without overlap of its bodies, as any
+        mechanism with a result.
+        """
         reason = np.array([""], object)
         return self.required.on_mechanism or bool(self._drawn(values[None], reason, check_feasible))
 
     def constraints(self, values: Array, quantities: Array) -> Array:
-        """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, gaps over the link width."""
+        """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, gaps over the
+        link width.
+        """
         ends = np.hstack(self.both_margins(quantities))[:, np.isfinite([*self.low, *self.high])]
         if self.required.on_mechanism:
             return ends
@@ -266,17 +327,26 @@ class Model:
                 np.column_stack([check.room.min(axis=1) for check in checks if word in check.wrong])
                 for word in ("notch", "covers", "closer", "hub larger")
             )
-            gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / designs.link_width[:, None]
+            gaps = (
+                np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub])
+                / designs.link_width[:, None]
+            )
         return np.hstack([ends, gaps])
 
 
 def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:
-    """Return the errors (n, 3), %, along x, y, theta of a model with a hinge formula and the stage's own mobility.
+    """Return the errors (n, 3), %, along x, y, theta of a model with a hinge formula and the
+    stage's own mobility.
 
     stiffness : (n, 3, 3), the reference for the errors; nan without a solution.
     """
-    paper = at_rest(designs, hinge_compliances(designs, formula), freedoms_of(None, designs.prismatic)).stiffness
-    errors, solved = np.full((len(stiffness), 3), np.nan), np.isfinite(stiffness).all(axis=(1, 2))
-    percent = error_matrix(paper[solved], np.asarray(np.linalg.inv(stiffness[solved])), np.ones(int(solved.sum())))
+    paper = at_rest(
+        designs, hinge_compliances(designs, formula), freedoms_of(None, designs.prismatic)
+    ).stiffness
+    errors = np.full((len(stiffness), 3), np.nan)
+    solved = np.isfinite(stiffness).all(axis=(1, 2))
+    percent = error_matrix(
+        paper[solved], np.asarray(np.linalg.inv(stiffness[solved])), np.ones(int(solved.sum()))
+    )
     errors[solved] = np.diagonal(percent, axis1=1, axis2=2)
     return errors

@@ -1,4 +1,6 @@
-"""The record of a design from its requirements: search, verification, front, sensitivities, scatter, stage file."""
+"""The record of a design from its requirements: search, verification, front, sensitivities,
+scatter, stage file.
+"""
 
 from __future__ import annotations
 
@@ -33,9 +35,15 @@ from flexfem.study.loaded import plate_of, stage_of
 from flexfem.units import short, unit_of
 
 PLANE_ALONE = {
-    *outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS, *outputs.FREQUENCIES, *outputs.ERRORS,
-    *outputs.CROSSES, *outputs.BANDS,
-}  # fmt: skip
+    *outputs.DRIVE_RANGES,
+    *outputs.ENGAGED,
+    *outputs.DRIFTS,
+    *outputs.GRADIENTS,
+    *outputs.FREQUENCIES,
+    *outputs.ERRORS,
+    *outputs.CROSSES,
+    *outputs.BANDS,
+}
 LINEAR = {  # numbers by linear theory, and the range at finite displacement that they stand for
     "yield_range": ("range", "held"),
     "yield_force": ("range_force", "held"),
@@ -56,15 +64,19 @@ SHARED = 2000  # stages with scattered necks in the share
 def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Designed:
     """Return the best stage that meets the requirements, or the one with the least violation.
 
-    Raises ComputationFailed when finite elements of a proposed design fail, BadInput when no design has a solution.
-    """
+    Raises ComputationFailed when finite elements of a proposed design fail, BadInput when no design
+    has a solution."""
     rounds, agreed = space_mapping(Model(loaded, counts=solver.counts, say=solver.say), solver)
     _, best, last = rounds[-1]
-    model, required, space = last.model, loaded.requirements, last.model.space
+    model = last.model
+    required = loaded.requirements
+    space = last.model.space
     solver.say("sensitivities")
-    requirements, stage = _requirements(rounds[-1]), designed_stage(loaded, last.values)
+    requirements = _requirements(rounds[-1])
+    stage = designed_stage(loaded, last.values)
     feasible = all(each.verdict != "missed" for each in requirements)
-    alternatives, front = list[record.SoleRelaxation](), list[record.FrontDesign]()
+    alternatives = list[record.SoleRelaxation]()
+    front = list[record.FrontDesign]()
     if best.merit >= MISSED and not feasible:
         alternatives = relaxations(replace(model, guard=0.0), last.values)
     if len(required.objective) > 1 and best.merit < MISSED:
@@ -87,7 +99,10 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
         feasible=feasible,
         agreed=agreed,
         objectives=[
-            record.Goal(**_quantity(last, k, objective), better="larger" if objective.sign < 0 else "smaller")
+            record.Goal(
+                **_quantity(last, k, objective),
+                better="larger" if objective.sign < 0 else "smaller",
+            )
             for k, objective in enumerate(required.objective)
         ],
         requirements=requirements,
@@ -95,12 +110,19 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
         at_ends=[name for name, listed, u in coordinates if not listed and not END < u < 1 - END],
         sensitivities=_sensitivities(last),
         rounds=[
-            record.Round(design=space.named(b.values), gap_percent=100 * verified.gap, evaluations=b.history[-1][0])
+            record.Round(
+                design=space.named(b.values),
+                gap_percent=100 * verified.gap,
+                evaluations=b.history[-1][0],
+            )
             for _, b, verified in rounds
         ],
         front=front,
         scattered=_scattered(last),
-        history=[record.Step(**dict(zip(record.Step.model_fields, history[k], strict=True))) for k in shown],
+        history=[
+            record.Step(**dict(zip(record.Step.model_fields, history[k], strict=True)))
+            for k in shown
+        ],
         evaluations=dict(sorted(solver.counts.items())),
         versions=dict(versions()),
         warnings=_warnings(loaded, rounds, agreed),
@@ -109,10 +131,15 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
 
 
 def designed_stage(loaded: LoadedRequirements, values: Array) -> Stage | Mechanism:
-    """Return the plate of a design (d,); the provenance of its free dimensions is the design, else that of the base."""
-    base, stage, required = loaded.base, plate_of(loaded, values), loaded.requirements
+    """Return the plate of a design (d,); the provenance of its free dimensions is the design, else
+    that of the base.
+    """
+    base = loaded.base
+    stage = plate_of(loaded, values)
+    required = loaded.requirements
     source = f"designed: {required.name}, seed {required.seed}"
-    sources, members = dict(base.provenance), dict[str, list[int]]()
+    sources = dict(base.provenance)
+    members = dict[str, list[int]]()
     for path in (path for column in loaded.columns for path in column.keys):
         *table, last = path_of(path)
         if isinstance(last, int):
@@ -122,16 +149,27 @@ def designed_stage(loaded: LoadedRequirements, values: Array) -> Stage | Mechani
     for path, indices in members.items():  # a source stays assumed if other members still are
         before = base.sources.get(path) or "not stated"
         lead = "assumed in part" if is_assumed(before) else "in part"
-        sources[path] = f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
+        sources[path] = (
+            f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
+        )
     provenance = {path: one_line(text, LABEL_LENGTH) for path, text in sources.items()}
     return stage.model_copy(update={"name": required.name, "provenance": provenance})
 
 
 def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Checked:
     """Return the model that gives the value of a quantity, by all names that it uses."""
-    required, solid = loaded.requirements, loaded.solid
-    unchecked = PLANE_ALONE | {name for name in names if name.startswith(("life_", "safety_"))} if solid else set[str]()
-    unchecked |= {*SCATTERED} if required.tolerance is None or not required.tolerance.checked or solid else set()
+    required = loaded.requirements
+    solid = loaded.solid
+    unchecked = (
+        PLANE_ALONE | {name for name in names if name.startswith(("life_", "safety_"))}
+        if solid
+        else set[str]()
+    )
+    unchecked |= (
+        {*SCATTERED}
+        if required.tolerance is None or not required.tolerance.checked or solid
+        else set()
+    )
     if names & unchecked:
         return "analytic model alone"
     if not names & {*required.outputs, *outputs.ERRORS, *SCATTERED}:
@@ -141,10 +179,13 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
 
 def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[str, Any]:
     """Return the fields of `Stated` for the quantity with index `k`."""
-    model, loaded = verified.model, verified.model.loaded
-    required, quantity = loaded.requirements, requested.quantity
+    model = verified.model
+    loaded = verified.model.loaded
+    required = loaded.requirements
+    quantity = requested.quantity
     names = required.names_of(quantity)
-    by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
+    by = checked_by(loaded, names)
+    sampled = bool(names & {*SCATTERED})
     spread = None
     if names & {*outputs.ENGAGED}:
         driven = commanding(best_model(stage_of(loaded, verified.values), []))
@@ -170,11 +211,15 @@ def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[s
 
 def _requirements(last: Proposal) -> list[record.Requirement]:
     """Return the records of all requirements at the last design."""
-    proposing, model, records = last.proposing, last.proof.model, list[record.Requirement]()
+    proposing = last.proposing
+    model = last.proof.model
+    records = list[record.Requirement]()
     slack = proposing.margins(proposing.evaluate(last.best.relaxed[None]))[0]
     for k, required in enumerate(model.required.require, start=len(model.signs)):
         fields = _quantity(last.proof, k, required)
-        value, band, size = fields["value"], fields["band"] or 0.0, float(model.sizes[k])
+        value = fields["value"]
+        band = fields["band"] or 0.0
+        size = float(model.sizes[k])
         margin = float(min(value - model.low[k], model.high[k] - value))
         requirement = record.Requirement(
             **fields,
@@ -186,7 +231,8 @@ def _requirements(last: Proposal) -> list[record.Requirement]:
             band_percent=None if fields["band"] is None else 100 * band / size,
             verdict="met" if margin >= band else "within the band" if margin >= -band else "missed",
             active=bool(abs(slack[k]) <= ACTIVE),
-            tightened_percent=100 * float(min(np.broadcast_to(proposing.guard, slack.shape)[k], model.room[k] / size)),
+            tightened_percent=100
+            * float(min(np.broadcast_to(proposing.guard, slack.shape)[k], model.room[k] / size)),
         )
         records.append(requirement)
     return records
@@ -197,10 +243,13 @@ def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
     found = list[record.SoleRelaxation]()
     for k, requirement in enumerate(model.required.require, start=len(model.signs)):
         softened = replace(model, soft=k)
-        best, relax_to, percent = optimum(softened, near), None, None
+        best = optimum(softened, near)
+        relax_to = None
+        percent = None
         if best.merit < MISSED:
             quantities = softened.evaluate(best.values[None])
-            relax_to, missed = float(quantities[0, k]), float(softened.cost(quantities)[0])
+            relax_to = float(quantities[0, k])
+            missed = float(softened.cost(quantities)[0])
             percent = 100 * missed if missed > ROUND_OFF else 0.0
         title = model.required.title_of(requirement)
         found.append(record.SoleRelaxation(requirement=title, relax_to=relax_to, percent=percent))
@@ -208,18 +257,20 @@ def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
 
 
 def front_of(model: Model, first: Array, count: int) -> list[Array]:
-    """Return the designs (d,) of the Pareto front, from the best in the first objective to the best in the second.
+    """Return the designs (d,) of the Pareto front, from the best in the first objective to the best
+    in the second.
 
     Notes
     -----
-    The first objective is optimised under a bound on the second (epsilon-constraint method: Haimes, Lasdon, Wismer,
-    IEEE Trans. Syst. Man Cybern. 1 (1971) 296-297) in the middle of the widest gap so far. Each search is global,
-    because overlaps of bodies can divide the feasible region.
-    """
+    The first objective is optimised under a bound on the second (epsilon-constraint method: Haimes,
+    Lasdon, Wismer, IEEE Trans. Syst. Man Cybern. 1 (1971) 296-297) in the middle of the widest gap
+    so far. Each search is global, because overlaps of bodies can divide the feasible region."""
     last = optimum(replace(model, objective=1), first)
     if last.merit >= MISSED:
         return []
-    designs = [_improved_in_turn(model, end) for end in (optimum(model, first, False).values, last.values)]
+    designs = [
+        _improved_in_turn(model, end) for end in (optimum(model, first, False).values, last.values)
+    ]
     closed = set[float]()
     while len(designs) < count:
         designs = _non_dominated(model, designs)
@@ -227,7 +278,9 @@ def front_of(model: Model, first: Array, count: int) -> list[Array]:
         span = np.ptp(both, axis=0)
         gaps = np.linalg.norm(np.diff(both, axis=0) / np.where(span > 0, span, 1.0), axis=1)
         bounds = (both[1:, 1] + both[:-1, 1]) / 2
-        open_gaps = [k for k in np.argsort(-gaps) if float(bounds[k]) not in closed and gaps[k] > APART]
+        open_gaps = [
+            k for k in np.argsort(-gaps) if float(bounds[k]) not in closed and gaps[k] > APART
+        ]
         if not open_gaps:
             break
         k = int(open_gaps[0])
@@ -235,12 +288,17 @@ def front_of(model: Model, first: Array, count: int) -> list[Array]:
         between = optimum(replace(model, bounds={1: float(bounds[k])}), designs[k + 1])
         if between.merit < MISSED:
             designs.append(between.values)
-        model.say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} analytic evaluations")
+        model.say(
+            f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} analytic "
+            "evaluations"
+        )
     return _non_dominated(model, designs)
 
 
 def _improved_in_turn(model: Model, values: Array) -> Array:
-    """Return the design (d,) after local optimisation of each objective in turn while the others are kept."""
+    """Return the design (d,) after local optimisation of each objective in turn while the others
+    are kept.
+    """
     for k in range(len(model.signs)):
         signed = model.signed(model.evaluate(values[None]))[0]
         others = {j: float(x + KEPT * abs(x)) for j, x in enumerate(signed) if j != k}
@@ -259,7 +317,8 @@ def _non_dominated(model: Model, designs: list[Array]) -> list[Array]:
 
 
 def _front_design(verified: Proof) -> record.FrontDesign:
-    model, k = verified.model, len(verified.model.signs)
+    model = verified.model
+    k = len(verified.model.signs)
     margins = replace(model, guard=0.0).margins(verified.elements[None])[0, k:]
     return record.FrontDesign(
         design=model.space.named(verified.values),
@@ -272,33 +331,46 @@ def _front_design(verified: Proof) -> record.FrontDesign:
 
 
 def sensitivities(model: Model, values: Array) -> Array:
-    """Return the change (d, q) of the quantities in per cent for 1 % of each dimension; nan without a solution.
+    """Return the change (d, q) of the quantities in per cent for 1 % of each dimension; nan without
+    a solution.
 
     Differences are central, or one-sided where one side has no solution, as at bodies that touch.
     """
-    d, steps = len(values), np.diag(DIFFERENCE * values)
+    d = len(values)
+    steps = np.diag(DIFFERENCE * values)
     rows = model.evaluate(np.vstack([values - steps, values + steps, values[None]]))
-    below, above, centre = rows[:d], rows[d : 2 * d], rows[-1]
+    below = rows[:d]
+    above = rows[d : 2 * d]
+    centre = rows[-1]
     with np.errstate(all="ignore"):
-        both, up, down = (above - below) / 2, above - centre, centre - below
+        both = (above - below) / 2
+        up = above - centre
+        down = centre - below
         slopes = np.where(np.isfinite(both), both, np.where(np.isfinite(up), up, down))
         relative = slopes / (DIFFERENCE * centre)
         return np.where(np.abs(relative) < FLAT, 0.0, relative)
 
 
 def _sensitivities(verified: Proof) -> dict[str, dict[str, float | None]]:
-    """Return sensitivities by dimension and quantity; None for a quantity that its band does not separate from zero."""
+    """Return sensitivities by dimension and quantity; None for a quantity that its band does not
+    separate from zero.
+    """
     model = verified.model
     rows = sensitivities(model, verified.values)
     rows[:, np.abs(verified.elements) <= verified.bands] = np.nan
     columns = ([float(x) if math.isfinite(x) else None for x in row] for row in rows)
     quantities = model.required.quantities
-    return {n: dict(zip(quantities, row, strict=True)) for n, row in zip(model.space.names, columns, strict=True)}
+    return {
+        n: dict(zip(quantities, row, strict=True))
+        for n, row in zip(model.space.names, columns, strict=True)
+    }
 
 
 def _scattered(last: Proof) -> record.Scattered | None:
     """Return the effect of neck scatter on the design, None without a tolerance."""
-    required, couplings, notes = last.model.required, last.scattered, list[str]()
+    required = last.model.required
+    couplings = last.scattered
+    notes = list[str]()
     tolerance = required.tolerance
     if tolerance is None:
         return None
@@ -306,29 +378,45 @@ def _scattered(last: Proof) -> record.Scattered | None:
         if couplings is not None and name in required.used:
             others, low, high = (values[k] for values in couplings[:3])
             text = (
-                f"{name} of {OTHERS:,} stages outside the search, by the model: {others:.4g}, 95 % interval "
-                f"{low:.4g} to {high:.4g}; of the {tolerance.stages:,} of the search: {last.analytic[name]:.4g}"
+                f"{name} of {OTHERS:,} stages outside the search, by the model: {others:.4g}, 95 "
+                f"% interval {low:.4g} to {high:.4g}; of the {tolerance.stages:,} of the search: "
+                f"{last.analytic[name]:.4g}"
             )
-            solved = f"; finite elements of {tolerance.checked}: {couplings.factors[-1, k]:.4f} times the model, within"
-            notes.append(text + (f"{solved} {couplings.misfit[k]:.2g}" if np.any(couplings.misfit) else ""))
+            solved = (
+                f"; finite elements of {tolerance.checked}: {couplings.factors[-1, k]:.4f} times "
+                "the model, within"
+            )
+            notes.append(
+                text + (f"{solved} {couplings.misfit[k]:.2g}" if np.any(couplings.misfit) else "")
+            )
     return record.Scattered(share=share_kept(last, tolerance), stages=SHARED, notes=notes)
 
 
 def share_kept(verified: Proof, tolerance: Tolerance) -> float:
-    """Return the share of stages with scattered necks that keep every requirement, by the corrected model.
+    """Return the share of stages with scattered necks that keep every requirement, by the corrected
+    model.
 
-    Columns that the study does not compute, such as masses and couplings under tolerance, stay as in the design.
-    """
-    model, loaded = replace(verified.model, guard=0.0), verified.model.loaded
-    made, necks = scattered(loaded, verified.values, deviations(tolerance, SHARED, (model.required.seed + 1) % 2**63))
+    Columns that the study does not compute, such as masses and couplings under tolerance, stay as
+    in the design."""
+    model = replace(verified.model, guard=0.0)
+    loaded = verified.model.loaded
+    made, necks = scattered(
+        loaded, verified.values, deviations(tolerance, SHARED, (model.required.seed + 1) % 2**63)
+    )
     rows = answer_designs(made, necks)
     by_name = model.corrected(dict(zip(loaded.outputs, rows.values.T, strict=True)))
-    quantities = model.quantities({n: np.full(SHARED, x) for n, x in verified.columns.items()} | by_name)
-    return float(np.mean((rows.status == "ok") & np.all(model.margins(quantities) >= -ROUND_OFF, axis=1)))
+    quantities = model.quantities(
+        {n: np.full(SHARED, x) for n, x in verified.columns.items()} | by_name
+    )
+    return float(
+        np.mean((rows.status == "ok") & np.all(model.margins(quantities) >= -ROUND_OFF, axis=1))
+    )
 
 
 def _by_linear_theory(loaded: LoadedRequirements, values: Array) -> list[str]:
-    """Warn of requirements and objectives on displacements at yield by linear theory, with their error by beams."""
+    """Warn of requirements and objectives on displacements at yield by linear theory, with their
+    error by beams.
+    """
     paths = [path for path in loaded.requirements.ask if path in loaded.requirements.used]
     linear = [path for path in paths if path.split(".")[1] in LINEAR]
     if not linear:
@@ -338,21 +426,30 @@ def _by_linear_theory(loaded: LoadedRequirements, values: Array) -> list[str]:
         return []
     texts = list[str]()
     for path in linear:
-        name, direction = path.split(".")[1], path.split(".")[-1]
+        name = path.split(".")[1]
+        direction = path.split(".")[-1]
         quantity, others = LINEAR[name]
         ends = np.abs(found.at(quantity, others=others, direction=direction))
         change = 100 * (float(np.min(ends)) / float(found.at(name, direction=direction)[0]) - 1)
         if not abs(change) <= WORTH_A_WARNING:
-            by_how_much = f"beams differ by {change:+.2g} %" if np.isfinite(change) else "beams find no end"
+            by_how_much = (
+                f"beams differ by {change:+.2g} %" if np.isfinite(change) else "beams find no end"
+            )
             better = f"stiffness.{quantity}.{others}.positive.{direction}"
-            texts.append(f"{path} is by linear theory; of {better}, at finite displacement, {by_how_much}")
+            texts.append(
+                f"{path} is by linear theory; of {better}, at finite displacement, {by_how_much}"
+            )
     return texts
 
 
 def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) -> list[str]:
-    """Return warnings on rounds without convergence, results outside their range, and couplings without a check."""
-    last, warnings = rounds[-1].proof, list[str]()
-    required, columns = loaded.requirements, last.columns
+    """Return warnings on rounds without convergence, results outside their range, and couplings
+    without a check.
+    """
+    last = rounds[-1].proof
+    warnings = list[str]()
+    required = loaded.requirements
+    columns = last.columns
     if not agreed:
         still = f"model and finite elements still differ by {100 * last.gap:.3g} %"
         if 100 * last.gap <= required.accuracy_percent:
@@ -360,22 +457,40 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
         warnings.append(f"after {len(rounds)} rounds {still}")
     if isinstance(loaded.base, Mechanism):
         if rounds[0].proof.gap > DISTANT:
-            far = f"model and finite elements differed by {100 * rounds[0].proof.gap:.3g} % in the first round"
+            far = (
+                f"model and finite elements differed by {100 * rounds[0].proof.gap:.3g} % in the "
+                "first round"
+            )
             warnings.append(f"{far}: designs in other parts of the ranges may be better")
-        return [*warnings, *_by_linear_theory(loaded, last.values), *sharp_roots(loaded.base.layout)]
+        return [
+            *warnings,
+            *_by_linear_theory(loaded, last.values),
+            *sharp_roots(loaded.base.layout),
+        ]
     row = outputs.row_of("ok", "", [columns[name] for name in loaded.outputs])
     reason = str(with_warnings(loaded, last.values[None], row).reason[0])
     warnings += reason.split("; ") if reason else []
-    amplitudes = [name for name in outputs.LIFE_AMPLITUDES if name in columns and name in required.used]
+    amplitudes = [
+        name for name in outputs.LIFE_AMPLITUDES if name in columns and name in required.used
+    ]
     if required.life is not None and amplitudes:
         low, high = required_law(loaded.stage.material).range
-        subject, name = f"amplitudes for {short(required.life.cycles)} cycles", amplitudes[0]
+        subject = f"amplitudes for {short(required.life.cycles)} cycles"
+        name = amplitudes[0]
         if not low <= required.life.cycles <= high:
             outside = f"outside the {short(low)} to {short(high)} cycles of Basquin's law"
             warnings.append(f"{subject} are extrapolated, {outside}")
-        amplitude = abs(required.life.amplitude[outputs.LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
+        amplitude = (
+            abs(required.life.amplitude[outputs.LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
+        )
         if columns["safety_factor"] * amplitude < columns[name]:  # mean and amplitude grow together
             warnings.append(f"{subject} are computed from elastic stress, beyond yield")
-    if required.used & {*SCATTERED} and required.tolerance is not None and not required.tolerance.checked:
-        warnings.append("coupling under tolerance is by the analytic model alone: tolerance.checked is 0")
+    if (
+        required.used & {*SCATTERED}
+        and required.tolerance is not None
+        and not required.tolerance.checked
+    ):
+        warnings.append(
+            "coupling under tolerance is by the analytic model alone: tolerance.checked is 0"
+        )
     return warnings

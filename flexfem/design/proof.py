@@ -1,4 +1,5 @@
-"""Finite-element verification of designs, and output space mapping from the analytic model to finite elements.
+"""Finite-element verification of designs, and output space mapping from the analytic model to
+finite elements.
 
 Space mapping: Bandler et al., IEEE Trans. Microwave Theory Tech. 52 (2004) 337-361.
 """
@@ -38,7 +39,8 @@ from flexfem.study.workers import ExecutorWorkers, Failure, Workers, versions_of
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
 SCATTER = (4, 6)  # triangles across a neck for stages with scattered necks
 BAND = "band of {}"  # name of the band of a column
-BY_ELEMENTS, IN_THREE = "finite elements", "finite elements in three dimensions"  # keys of the counts
+BY_ELEMENTS = "finite elements"
+IN_THREE = "finite elements in three dimensions"  # keys of the counts
 MODEL = re.compile(rf"\.{ANALYTIC}(?=\.|$)")  # in the path of a number
 LIMIT = 600.0  # s for one mesh
 LOCAL = 0.01  # gap between the models below which the next search is local to the last design
@@ -52,7 +54,9 @@ Row: TypeAlias = list[float] | Failure  # outputs of a study
 
 
 def solved(loaded: LoadedStudy, stage: Stage | Mechanism) -> Row:
-    """Return the outputs of a study by finite elements; of a mechanism, with their bands after them."""
+    """Return the outputs of a study by finite elements; of a mechanism, with their bands after
+    them.
+    """
     try:
         if isinstance(stage, Mechanism):
             return [float(each) for each in extra_numbers(loaded, stage).T.flat]
@@ -66,9 +70,8 @@ def solved(loaded: LoadedStudy, stage: Stage | Mechanism) -> Row:
 class ElementSolver:
     """Finite-element solver of designs, in `workers` or else serially in this process.
 
-    Solutions are kept in memory and, in files of a `folder`, for a run that was interrupted, with the versions of the
-    code and its libraries.
-    """
+    Solutions are kept in memory and, in files of a `folder`, for a run that was interrupted, with
+    the versions of the code and its libraries."""
 
     loaded: LoadedRequirements
     counts: Counter[str]
@@ -79,7 +82,9 @@ class ElementSolver:
 
     @property
     def meshes(self) -> tuple[tuple[int, int], ...]:
-        """Triangles across every neck, and layers, of each mesh, coarse to fine; the finest of a mechanism."""
+        """Triangles across every neck, and layers, of each mesh, coarse to fine; the finest of a
+        mechanism.
+        """
         resolution = self.loaded.requirements.resolution
         if self.loaded.requirements.on_mechanism:  # its questions have bands
             return ((resolution, 2),)
@@ -92,48 +97,92 @@ class ElementSolver:
         studies = [self._study(*mesh) for mesh in self.meshes]
         names = (*studies[0].study.columns, *self.loaded.study.ask)
         names += tuple(map(BAND.format, names)) if isinstance(stage, Mechanism) else ()
-        return [dict(zip(names, row, strict=True)) for row in self._solved([(study, stage) for study in studies])]
+        return [
+            dict(zip(names, row, strict=True))
+            for row in self._solved([(study, stage) for study in studies])
+        ]
 
     def columns(self, values: Array) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the columns of a design (d,) by name on the finest mesh, and the bands of those that are used."""
+        """Return the columns of a design (d,) by name on the finest mesh, and the bands of those
+        that are used.
+        """
         *_, finest = by_mesh = self.solve(values)
         used = [name for name in finest if name in self.loaded.requirements.used]
         if self.loaded.requirements.on_mechanism:
             bands = {name: finest[BAND.format(name)] for name in used}
             return finest, {name: band for name, band in bands.items() if np.isfinite(band)}
         resolutions = np.array([resolution for resolution, _ in self.meshes], float)
-        return finest, {n: column_band(n, resolutions, np.array([row[n] for row in by_mesh])) for n in used}
+        return finest, {
+            n: column_band(n, resolutions, np.array([row[n] for row in by_mesh])) for n in used
+        }
 
     def solve_scattered(self, values: Array, off: Array) -> list[Array]:
-        """Return the couplings (3, stages) of a design with neck deviations `off` (stages, 3, 3), mm, on each mesh."""
+        """Return the couplings (3, stages) of a design with neck deviations `off` (stages, 3, 3),
+        mm, on each mesh.
+        """
         made, necks = scattered(self.loaded, values, off)
-        stages, couplings = [stage_of(made, each) for each in necks], list[Array]()
+        stages = [stage_of(made, each) for each in necks]
+        couplings = list[Array]()
         for resolution in SCATTER:
-            study = self._study(resolution, 2, dict.fromkeys(("drive", "frequencies", "life", "drift")))
+            study = self._study(
+                resolution, 2, dict.fromkeys(("drive", "frequencies", "life", "drift"))
+            )
             rows = np.array(self._solved([(study, stage) for stage in stages]))
             couplings.append(rows[:, [study.outputs.index(name) for name in outputs.COUPLINGS]].T)
         return couplings
 
-    def _study(self, resolution: int, layers: int, changes: Mapping[str, Any] = MappingProxyType({})) -> LoadedStudy:
+    def _study(
+        self, resolution: int, layers: int, changes: Mapping[str, Any] = MappingProxyType({})
+    ) -> LoadedStudy:
         """Return the study that solves a stage on one mesh, with other changes."""
-        required, solid = self.loaded.requirements, self.loaded.solid
-        model = "three_dimensional" if solid else "verify" if required.used & {*outputs.ERRORS} else "fe"
-        settings: dict[str, Any] = {"model": model, "resolution": resolution, "layers": layers, "bands": False}
-        settings |= {"links": False, "mobility": None, "formula": required.paper_formula, "check": None}
+        required = self.loaded.requirements
+        solid = self.loaded.solid
+        model = (
+            "three_dimensional"
+            if solid
+            else "verify"
+            if required.used & {*outputs.ERRORS}
+            else "fe"
+        )
+        settings: dict[str, Any] = {
+            "model": model,
+            "resolution": resolution,
+            "layers": layers,
+            "bands": False,
+        }
+        settings |= {
+            "links": False,
+            "mobility": None,
+            "formula": required.paper_formula,
+            "check": None,
+        }
         elements = SOLID_ELEMENTS if self.loaded.base.model == "three_dimensional" else ELEMENTS
         by_mesh = f".{elements.replace(' ', '_')}"
-        settings |= {"time_limit": LIMIT, "ask": tuple(MODEL.sub(by_mesh, path) for path in required.ask)}
+        settings |= {
+            "time_limit": LIMIT,
+            "ask": tuple(MODEL.sub(by_mesh, path) for path in required.ask),
+        }
         if solid:
-            drive = required.drive if required.drive is not None and required.drive.stroke_um is not None else None
+            drive = (
+                required.drive
+                if required.drive is not None and required.drive.stroke_um is not None
+                else None
+            )
             drive = drive and drive.model_copy(update={"actuators": False})
             settings |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
         study = self.loaded
         return replace(study, study=study.study.model_copy(update=settings | dict(changes)))
 
     def _solved(self, tasks: list[tuple[LoadedStudy, Stage | Mechanism]]) -> list[list[float]]:
-        """Return the rows of outputs of the tasks; tasks with a known or stored result are not solved again."""
-        names = {id(task): digest([task[0].study.model_dump(mode="json"), task[1].to_toml(), dict(versions_of())])
-                 for task in tasks}  # fmt: skip
+        """Return the rows of outputs of the tasks; tasks with a known or stored result are not
+        solved again.
+        """
+        names = {
+            id(task): digest(
+                [task[0].study.model_dump(mode="json"), task[1].to_toml(), dict(versions_of())]
+            )
+            for task in tasks
+        }
         for name in names.values():
             if name not in self._known and self.folder is not None:
                 with suppress(OSError, ValueError, RecursionError):  # no file, or a torn one
@@ -152,21 +201,25 @@ class ElementSolver:
         return [self._known[name] for name in names.values()]
 
     def _keep(self, name: str, row: list[float]) -> None:
-        """Keep the result of a task; a folder that refuses files is reported when the final results are written."""
+        """Keep the result of a task; a folder that refuses files is reported when the final results
+        are written.
+        """
         self._known[name] = row
         if self.folder is not None:
             with suppress(BadInput):
-                path, text = self.folder / f"{name}.json", json.dumps(row)
+                path = self.folder / f"{name}.json"
+                text = json.dumps(row)
                 write_atomically(path, lambda file: file.write(text.encode()), again=True)
 
 
 class Proof(NamedTuple):
-    """Quantities (q,) of a design by finite elements and by the model, and the model corrected to agree with them.
+    """Quantities (q,) of a design by finite elements and by the model, and the model corrected to
+    agree with them.
 
-    `predicted` is by the model with the corrections of the search, `uncorrected` without any. `bands` combine meshes
-    and `sampling`. A quantity below `round_off` is zero by symmetry. `gap` is the largest difference between prediction
-    and finite elements over the sizes. `columns` are by finite elements where available, `analytic` by the model.
-    """
+    `predicted` is by the model with the corrections of the search, `uncorrected` without any.
+    `bands` combine meshes and `sampling`. A quantity below `round_off` is zero by symmetry. `gap`
+    is the largest difference between prediction and finite elements over the sizes. `columns` are
+    by finite elements where available, `analytic` by the model."""
 
     values: Array
     predicted: Array
@@ -183,7 +236,9 @@ class Proof(NamedTuple):
 
 
 class Proposal(NamedTuple):
-    """One round of space mapping: the model that proposed the best design, and its finite-element verification."""
+    """One round of space mapping: the model that proposed the best design, and its finite-element
+    verification.
+    """
 
     proposing: Model
     best: BestDesign
@@ -191,34 +246,51 @@ class Proposal(NamedTuple):
 
 
 def space_mapping(model: Model, solver: ElementSolver) -> tuple[list[Proposal], bool]:
-    """Search, solve and correct until model and finite elements agree at the optimum and all ends are kept there.
+    """Search, solve and correct until model and finite elements agree at the optimum and all ends
+    are kept there.
 
-    Returns all rounds, and whether they converged. Requirements are tightened by the bands, and with continuous
-    dimensions by the accuracy, as far as feasible designs remain. Raises BadInput when no design has a solution.
-    """
-    accuracy, limited = model.required.accuracy_percent / 100, model.sizes > 0
+    Returns all rounds, and whether they converged. Requirements are tightened by the bands, and
+    with continuous dimensions by the accuracy, as far as feasible designs remain. Raises BadInput
+    when no design has a solution."""
+    accuracy = model.required.accuracy_percent / 100
+    limited = model.sizes > 0
     room = ROOM if model.space.continuous.any() else (0.0,)
-    rounds, guards, bands = list[Proposal](), [np.zeros(len(limited))], np.zeros(len(limited))
-    near, everywhere = None, True
+    rounds = list[Proposal]()
+    guards = [np.zeros(len(limited))]
+    bands = np.zeros(len(limited))
+    near = None
+    everywhere = True
     for _ in range(ROUNDS):
         model, best = _guarded(model, guards, near, everywhere)
-        last, near = proof(model, solver, best.values), best.values
+        last = proof(model, solver, best.values)
+        near = best.values
         side = -1.0 if rounds and not np.any(model.guard) else 1.0
         rounds.append(Proposal(model, best, last))
         everywhere = last.gap > LOCAL or best.merit >= MISSED
         if last.gap <= accuracy and (best.merit >= MISSED or keeps_ends(last, side)):
             return rounds, True
-        bands[limited] = np.maximum(bands, last.bands / np.where(limited, model.sizes, 1.0))[limited]
-        guards = [*(np.where(limited, bands + k * accuracy, 0.0) for k in room), np.zeros(len(limited))]
+        bands[limited] = np.maximum(bands, last.bands / np.where(limited, model.sizes, 1.0))[
+            limited
+        ]
+        guards = [
+            *(np.where(limited, bands + k * accuracy, 0.0) for k in room),
+            np.zeros(len(limited)),
+        ]
         model = last.model
     return rounds, False
 
 
-def _guarded(model: Model, guards: list[Array], near: Array | None, everywhere: bool) -> tuple[Model, BestDesign]:
-    """Return the optimum with the first of `guards` that leaves feasible designs, or else the first, and its model."""
+def _guarded(
+    model: Model, guards: list[Array], near: Array | None, everywhere: bool
+) -> tuple[Model, BestDesign]:
+    """Return the optimum with the first of `guards` that leaves feasible designs, or else the
+    first, and its model.
+    """
     optima = list[tuple[Model, BestDesign]]()
     for guard in guards:
-        optima.append((guarded := replace(model, guard=guard), best := optimum(guarded, near, everywhere)))
+        optima.append(
+            (guarded := replace(model, guard=guard), best := optimum(guarded, near, everywhere))
+        )
         if best.merit < MISSED:
             return guarded, best
         near = best.values
@@ -226,52 +298,78 @@ def _guarded(model: Model, guards: list[Array], near: Array | None, everywhere: 
 
 
 def keeps_ends(verified: Proof, side: float = 1.0) -> bool:
-    """Return whether finite elements keep every end by the band (limited to the room), or for -1 within the band."""
-    model, q = verified.model, verified.elements
+    """Return whether finite elements keep every end by the band (limited to the room), or for -1
+    within the band.
+    """
+    model = verified.model
+    q = verified.elements
     band = side * np.minimum(verified.bands, model.room)
     return bool(np.all((q - band >= model.low) & (q + band <= model.high)))
 
 
 def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
-    """Verify a design (d,) by finite elements, and find the corrections that make the model agree with them there.
+    """Verify a design (d,) by finite elements, and find the corrections that make the model agree
+    with them there.
 
-    The band of a quantity is its largest change where every column that it uses is at an end of its band.
-    """
-    (solved_columns, widths), sampled = solver.columns(values), verified_quantiles(model, solver, values)
+    The band of a quantity is its largest change where every column that it uses is at an end of its
+    band."""
+    solved_columns, widths = solver.columns(values)
+    sampled = verified_quantiles(model, solver, values)
     of_model = model.columns(values[None])[0]
-    analytic, half_widths = {name: float(column[0]) for name, column in of_model.items()}, dict[str, float]()
+    analytic = {name: float(column[0]) for name, column in of_model.items()}
+    half_widths = dict[str, float]()
     uncorrected = analytic
     if sampled is not None:
-        half_widths, uncorrected = named(sampled.half_widths), analytic | named(sampled.others)
+        half_widths = named(sampled.half_widths)
+        uncorrected = analytic | named(sampled.others)
         solved_columns = solved_columns | named(sampled.elements[-1])
         if len(sampled.factors) > 1:
             both = zip(SCATTERED, sampled.elements.T, strict=True)
-            widths = widths | {name: mesh_band(np.array(SCATTER, float), row, 0.0) for name, row in both}
+            widths = widths | {
+                name: mesh_band(np.array(SCATTER, float), row, 0.0) for name, row in both
+            }
     columns = analytic | solved_columns
 
     def quantities(of: Mapping[str, float]) -> Array:
-        return np.asarray(model.quantities({name: np.array([value]) for name, value in of.items()})[0])
+        return np.asarray(
+            model.quantities({name: np.array([value]) for name, value in of.items()})[0]
+        )
 
     q = quantities(columns)
 
     def moved(widths: Mapping[str, float], signs: Iterable[float]) -> Array:
-        return quantities(columns | {n: columns[n] + s * widths[n] for n, s in zip(widths, signs, strict=True)})
+        return quantities(
+            columns | {n: columns[n] + s * widths[n] for n, s in zip(widths, signs, strict=True)}
+        )
 
     def effect(widths: Mapping[str, Any]) -> Array:
-        """Return the largest change (q,) of each quantity with some columns at either end of their widths."""
+        """Return the largest change (q,) of each quantity with some columns at either end of their
+        widths.
+        """
         widths = {name: float(width) for name, width in widths.items() if name in columns}
         alone = np.eye(len(widths))
         slopes = [np.where(moved(widths, signs) < moved(widths, -signs), -1, 1) for signs in alone]
-        ends = [[moved(widths, side * signs)[k] for side in (-1, 1)] for k, signs in enumerate(np.transpose(slopes))]
+        ends = [
+            [moved(widths, side * signs)[k] for side in (-1, 1)]
+            for k, signs in enumerate(np.transpose(slopes))
+        ]
         return np.max(np.abs(ends - q[:, None]), axis=1) if ends else 0.0 * q
 
-    round_off = ROUND_OFF * effect(outputs.sizes_of({name: np.array(x) for name, x in columns.items()}))
-    sampling, bands = effect(half_widths), np.maximum(effect(widths), ROUND_OFF_RATIO * round_off)
+    round_off = ROUND_OFF * effect(
+        outputs.sizes_of({name: np.array(x) for name, x in columns.items()})
+    )
+    sampling = effect(half_widths)
+    bands = np.maximum(effect(widths), ROUND_OFF_RATIO * round_off)
     predicted = quantities({name: float(x[0]) for name, x in model.corrected(of_model).items()})
-    size, difference = np.maximum(np.abs(q), model.sizes), np.abs(predicted - q)
-    zero = np.maximum(np.abs(q), difference) <= bands  # objectives that neither meshes nor model distinguish from zero
+    size = np.maximum(np.abs(q), model.sizes)
+    difference = np.abs(predicted - q)
+    zero = (
+        np.maximum(np.abs(q), difference) <= bands
+    )  # objectives that neither meshes nor model distinguish from zero
     zero[len(model.signs) :] = False
-    by = {n: correction_of(analytic[n], value) for n, value in solved_columns.items() if n in analytic}
+    by = {
+        n: correction_of(analytic[n], value) for n, value in solved_columns.items() if n in analytic
+    }
     return Proof(
         values=values,
         predicted=predicted,
@@ -288,15 +386,24 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
     )
 
 
-def verified_quantiles(model: Model, solver: ElementSolver, values: Array) -> CouplingQuantiles | None:
-    """Return the coupling quantiles of a design (d,), None if they are not requested. Raises ComputationFailed."""
-    scatter, required = model.scatter, model.required
+def verified_quantiles(
+    model: Model, solver: ElementSolver, values: Array
+) -> CouplingQuantiles | None:
+    """Return the coupling quantiles of a design (d,), None if they are not requested. Raises
+    ComputationFailed.
+    """
+    scatter = model.scatter
+    required = model.required
     if scatter is None or required.tolerance is None:
         return None
-    couplings = scatter.couplings(designs_of(model.loaded, values[None]), required.formula, required.mobility)
+    couplings = scatter.couplings(
+        designs_of(model.loaded, values[None]), required.formula, required.mobility
+    )
     model.counts["analytic with scattered necks"] += couplings.shape[-1]
     checked = 0 if model.loaded.solid else required.tolerance.checked
-    return coupling_quantiles(couplings, solver.solve_scattered(values, scatter.others[:checked]) if checked else [])
+    return coupling_quantiles(
+        couplings, solver.solve_scattered(values, scatter.others[:checked]) if checked else []
+    )
 
 
 def named(couplings: Array) -> dict[str, float]:
@@ -305,9 +412,13 @@ def named(couplings: Array) -> dict[str, float]:
 
 
 def column_band(name: str, resolutions: Array, values: Array) -> float:
-    """Return the mesh band of a column (levels,), coarse to fine, by the rate at which such columns converge."""
+    """Return the mesh band of a column (levels,), coarse to fine, by the rate at which such columns
+    converge.
+    """
     bands = [mesh_band(resolutions, values, 0.0)]
     if len(resolutions) > 2:  # there are two in three dimensions
         slow = ((CORNER_COLUMNS, corner_bands), (STRESS_COLUMNS, stress_bands))
-        bands += [float(band(resolutions, values)) for converging, band in slow if name in converging]
+        bands += [
+            float(band(resolutions, values)) for converging, band in slow if name in converging
+        ]
     return max(bands)

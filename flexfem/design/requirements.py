@@ -29,8 +29,11 @@ from flexfem.study.plan import Asked, Expression, Limited, Sampling, Study
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
 LARGEST = 1e30  # end of a requirement, in its unit; the smallest one is the inverse
-FEWEST = 72  # stages: the maximum of fewer is below the 95 % quantile with a probability of 2.5 % or more
-LEAST_CHECKED = 8  # stages: fewer do not show the scatter of the difference between model and finite elements
+# stages: the maximum of fewer is below the 95 % quantile with a probability of 2.5 % or more
+FEWEST = 72
+LEAST_CHECKED = (
+    8  # stages: fewer do not show the scatter of the difference between model and finite elements
+)
 QUANTITY = "Arithmetic on columns and keys of the base file, as in studies"
 MASS = ("mass_kg",)
 DENSITY = "material.density_kg_m3"
@@ -46,7 +49,9 @@ def _without_keys_of_studies(schema: dict[str, Any]) -> None:
 
 
 class Free(Factor):
-    """A free dimension, in a range or from a list of values; all numbers in the units of the stage file."""
+    """A free dimension, in a range or from a list of values; all numbers in the units of the stage
+    file.
+    """
 
     named: ClassVar[tuple[str, ...]] = (*NAMED, "step")
 
@@ -59,7 +64,9 @@ class Free(Factor):
     )
     """Instead of `from` and `to`: the allowed values"""
     step: AnyPositive | None = Field(default=None, examples=[0.005])
-    """Increment of the allowed values from `from` up to `to`; without it the dimension is continuous"""
+    """Increment of the allowed values from `from` up to `to`; without it the dimension is
+    continuous
+    """
 
     @model_validator(mode="after")
     def _is_a_range_or_a_list(self) -> Free:
@@ -93,7 +100,9 @@ class Require(Limited):
 
     quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
     at_least: End | None = Field(default=None, description="Lower limit", examples=[100.0])
-    at_most: End | None = Field(default=None, description="Upper limit; one or both are needed", examples=[150.0])
+    at_most: End | None = Field(
+        default=None, description="Upper limit; one or both are needed", examples=[150.0]
+    )
     label: Label | None = Field(default=None, examples=["stiffness in X"])
     """Name in the output"""
 
@@ -101,7 +110,9 @@ class Require(Limited):
     def _ends_have_a_size(self) -> Require:
         for key, end in (("at_least", self.at_least), ("at_most", self.at_most)):
             if 0 < abs(end or 0.0) < 1 / LARGEST:
-                raise refusal(f"zero, or a size of {1 / LARGEST:g} or more: margins are relative to it", key)
+                raise refusal(
+                    f"zero, or a size of {1 / LARGEST:g} or more: margins are relative to it", key
+                )
         return self
 
 
@@ -142,7 +153,9 @@ class Tolerance(Table):
 
     neck_um: Scatter = Field(description="Standard deviation of every neck", examples=[5.0])
     stages: int = Field(default=4000, ge=FEWEST, le=20_000)
-    """Random stages in the search, the same for every design; the final couplings are those of 100,000 other stages"""
+    """Random stages in the search, the same for every design; the final couplings are those of
+    100,000 other stages
+    """
     checked: int = Field(default=0, ge=0, le=1024)
     """Number of the other stages that finite elements solve; 0, or >= 8"""
 
@@ -163,20 +176,29 @@ class Requirements(Asked):
     formula: FormulaName = Field(default=CALIBRATED, description=FORMULA)
     mobility: Mobility | None = Field(default=21, description="Mobility of the analytic model")
     paper_formula: FormulaName = DEFAULT_FORMULA
-    """Formula of the model, with the stage's own mobility, whose errors are `error_x_percent` and the like"""
+    """Formula of the model, with the stage's own mobility, whose errors are `error_x_percent` and
+    the like
+    """
     seed: int = Field(ge=0, lt=2**63, description="Seed of the search", examples=[2003])
     accuracy_percent: Percent = 0.1
     """Required agreement of the corrected analytic model and finite elements at the optimum"""
     resolution: int = Field(default=8, ge=8, le=FINEST)
     """Triangles across every neck, of the finest of three meshes"""
-    front: int = Field(default=7, ge=3, le=50, description="With two objectives: number of designs of their front")
+    front: int = Field(
+        default=7, ge=3, le=50, description="With two objectives: number of designs of their front"
+    )
     free: tuple[Free, ...] = Field(min_length=1, max_length=30)
     """Dimensions that may differ from the base stage; numbers in the unit of the key"""
-    require: tuple[Require, ...] = Field(default=(), max_length=50, description="Requirements on the stage")
-    objective: tuple[Objective, ...] = Field(min_length=1, max_length=2, description="One or two objectives")
+    require: tuple[Require, ...] = Field(
+        default=(), max_length=50, description="Requirements on the stage"
+    )
+    objective: tuple[Objective, ...] = Field(
+        min_length=1, max_length=2, description="One or two objectives"
+    )
     tolerance: Tolerance | None = None
-    """Requests the share of stages that meet all requirements when their nine necks scatter, and the 95 % quantiles of
-    the couplings: `coupling_95`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`"""
+    """Requests the share of stages that meet all requirements when their nine necks scatter, and
+    the 95 % quantiles of the couplings: `coupling_95`, `coupling_xy_95`, `coupling_xt_95`,
+    `coupling_yt_95` """
 
     @model_validator(mode="after")
     def _asks_of_mechanisms(self) -> Requirements:
@@ -204,18 +226,27 @@ class Requirements(Asked):
         """The study of the free dimensions by the analytic model."""
         shared = {name: getattr(self, name) for name in Asked.model_fields if name != "provenance"}
         sampling = Sampling(method="sobol", designs=1, seed=0)
-        return Study.model_construct(**shared, model="analytic", sampling=sampling, factor=self.free)
+        return Study.model_construct(
+            **shared, model="analytic", sampling=sampling, factor=self.free
+        )
 
     @property
     def expressions(self) -> dict[KeyPath, str]:
         """All expressions by their key paths, derived outputs first."""
-        found = super().expressions | {("require", k, "quantity"): each.quantity for k, each in enumerate(self.require)}
-        return found | {("objective", k, each.key): each.quantity for k, each in enumerate(self.objective)}
+        found = super().expressions | {
+            ("require", k, "quantity"): each.quantity for k, each in enumerate(self.require)
+        }
+        return found | {
+            ("objective", k, each.key): each.quantity for k, each in enumerate(self.objective)
+        }
 
     @property
     def quantities(self) -> tuple[str, ...]:
         """Expressions of the objectives, then of the requirements."""
-        return (*(each.quantity for each in self.objective), *(each.quantity for each in self.require))
+        return (
+            *(each.quantity for each in self.objective),
+            *(each.quantity for each in self.require),
+        )
 
     @cached_property
     def used(self) -> frozenset[str]:
@@ -228,19 +259,25 @@ class Requirements(Asked):
         return super().unused_keys - self.used - ({DENSITY} if self.used & {*MASS} else set())
 
     def title_of(self, requested: Objective | Require) -> str:
-        """Return the label of a quantity; without one, that of the derived output that it names, or the expression."""
+        """Return the label of a quantity; without one, that of the derived output that it names, or
+        the expression.
+        """
         labels = {output.name: output.label for output in self.output}
         return requested.label or labels.get(requested.quantity) or requested.quantity
 
     @property
     def numbers(self) -> tuple[str, ...]:
         """Key paths of the numbers that need a source; the accuracy and derived outputs need none."""
-        return tuple(path for path in super().numbers if not path.startswith(("accuracy_percent", "output")))
+        return tuple(
+            path for path in super().numbers if not path.startswith(("accuracy_percent", "output"))
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadedRequirements(LoadedStudy):
-    """Requirements with their feasible base, and the study of the free dimensions as columns with stars expanded."""
+    """Requirements with their feasible base, and the study of the free dimensions as columns with
+    stars expanded.
+    """
 
     requirements: Requirements
 
@@ -251,7 +288,9 @@ class LoadedRequirements(LoadedStudy):
 
     @property
     def solid(self) -> bool:
-        """Whether finite elements are in three dimensions, as for a base stage corrected for its thickness."""
+        """Whether finite elements are in three dimensions, as for a base stage corrected for its
+        thickness.
+        """
         return self.base.model == "corrected"
 
     @property
@@ -260,7 +299,9 @@ class LoadedRequirements(LoadedStudy):
         values = []
         for column in self.columns:
             ends = column.factor.values or (column.factor.start or 0.0, column.factor.end or 0.0)
-            of_stage = [v for path in column.keys if (v := keys()[path].value_in(self.base)) is not None]
+            of_stage = [
+                v for path in column.keys if (v := keys()[path].value_in(self.base)) is not None
+            ]
             values.append(float(np.clip(np.mean(of_stage or ends[:1]), min(ends), max(ends))))
         return np.array(values)
 
@@ -268,18 +309,30 @@ class LoadedRequirements(LoadedStudy):
 def load_requirements(path: PathLike) -> LoadedRequirements:
     """Read a requirements file and its base stage or mechanism.
 
-    Raises BadInput, in one line with file, line and key, for an invalid file, and for an objective that no free
-    dimension changes.
-    """
-    required, file = validate(Requirements, path), Path(path)
+    Raises BadInput, in one line with file, line and key, for an invalid file, and for an objective
+    that no free dimension changes."""
+    required = validate(Requirements, path)
+    file = Path(path)
     base, columns = base_of(path, required, required.study)
     derived = {output.name for output in required.output}
     for index, objective in enumerate(required.objective):
-        if all(is_fixed(name, columns, base) for name in required.names_of(objective.quantity) - derived):
+        if all(
+            is_fixed(name, columns, base)
+            for name in required.names_of(objective.quantity) - derived
+        ):
             given = f"objective[{index}].{objective.key} = {shown(objective.quantity)}, expected"
-            raise bad_key(path, ("objective", index, objective.key), f"{given} a quantity that free dimensions change")
+            raise bad_key(
+                path,
+                ("objective", index, objective.key),
+                f"{given} a quantity that free dimensions change",
+            )
     loaded = LoadedRequirements(
-        path=file, study=required.study, base=base, columns=columns, stem=file.stem, requirements=required
+        path=file,
+        study=required.study,
+        base=base,
+        columns=columns,
+        stem=file.stem,
+        requirements=required,
     )
     require_extra_numbers(loaded)
     return loaded

@@ -21,7 +21,9 @@ from flexfem.study.plan import limits_text
 from flexfem.units import Unit
 
 Verdict: TypeAlias = Literal["met", "within the band", "missed"]
-Checked: TypeAlias = Literal["finite elements", "finite elements in three dimensions", "analytic model alone", "exact"]
+Checked: TypeAlias = Literal[
+    "finite elements", "finite elements in three dimensions", "analytic model alone", "exact"
+]
 
 
 class Record(BaseModel):
@@ -33,9 +35,9 @@ class Record(BaseModel):
 class Stated(Record):
     """One quantity of the design; zero if symmetry makes it zero up to round-off.
 
-    `value` is by finite elements where available; `band` is then its half-width by meshes and sampling, with `sampling`
-    the part of sampling alone. `push_spread` is the change of engaged stiffness with the spread of actuator forces.
-    """
+    `value` is by finite elements where available; `band` is then its half-width by meshes and
+    sampling, with `sampling` the part of sampling alone. `push_spread` is the change of engaged
+    stiffness with the spread of actuator forces."""
 
     name: str
     label: str
@@ -59,7 +61,11 @@ class Stated(Record):
         """Return value, band and unit as text, with the part of sampling in the band."""
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
         sampling = "" if self.sampling is None else f", of which {self.sampling:.2g} by sampling"
-        spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the forces"
+        spread = (
+            ""
+            if self.push_spread is None
+            else f", ± {self.push_spread:.2g} by the spread of the forces"
+        )
         return f"{text} {self.unit_text(plain)}".rstrip() + sampling + spread
 
 
@@ -72,9 +78,8 @@ class Goal(Stated):
 class Requirement(Stated):
     """A requirement; percentages are of its `size`, the larger end, or one unit where that is zero.
 
-    An `active` requirement limits the objective at the optimum without steps; `tightened_percent` is the distance that
-    the search kept from its ends.
-    """
+    An `active` requirement limits the objective at the optimum without steps; `tightened_percent`
+    is the distance that the search kept from its ends."""
 
     at_least: float | None
     at_most: float | None
@@ -93,7 +98,9 @@ class Requirement(Stated):
 
 
 class SoleRelaxation(Record):
-    """The smallest sufficient relaxation of one requirement alone, by the model; None if there is none."""
+    """The smallest sufficient relaxation of one requirement alone, by the model; None if there is
+    none.
+    """
 
     requirement: str
     relax_to: float | None
@@ -101,7 +108,9 @@ class SoleRelaxation(Record):
 
 
 class Round(Record):
-    """One round of search, finite elements and correction, with the largest difference between both models."""
+    """One round of search, finite elements and correction, with the largest difference between both
+    models.
+    """
 
     design: dict[str, float]
     gap_percent: float
@@ -109,7 +118,9 @@ class Round(Record):
 
 
 class FrontDesign(Record):
-    """A design of the Pareto front, with its objectives by finite elements and by the corrected model."""
+    """A design of the Pareto front, with its objectives by finite elements and by the corrected
+    model.
+    """
 
     design: dict[str, float]
     values: list[float]
@@ -120,7 +131,9 @@ class FrontDesign(Record):
 
 
 class Scattered(Record):
-    """Share of stages with scattered necks that keep every requirement, and notes on couplings under tolerance."""
+    """Share of stages with scattered necks that keep every requirement, and notes on couplings
+    under tolerance.
+    """
 
     share: float
     stages: int
@@ -128,7 +141,9 @@ class Scattered(Record):
 
 
 class Step(Record):
-    """Progress of a search: evaluations of the analytic model, best objective, and sum of the violations."""
+    """Progress of a search: evaluations of the analytic model, best objective, and sum of the
+    violations.
+    """
 
     evaluations: int
     objective: float | None
@@ -149,7 +164,8 @@ class Designed(Record):
     agreed : bool
         Whether model and finite elements agree within `accuracy_percent` at the end.
     sensitivities : dict
-        By dimension and quantity (`Stated.name`), per cent for 1 %; None where unknown, or for a quantity of zero.
+        By dimension and quantity (`Stated.name`), per cent for 1 %; None where unknown, or for a
+        quantity of zero.
     """
 
     name: Label
@@ -204,23 +220,38 @@ class Designed(Record):
         return f"{self.name}: it {self.state}; seed {self.seed}"
 
     def sentences(self) -> list[str]:
-        """Return notes on the tables: bands, tightened requirements, scatter, and agreement of the models."""
+        """Return notes on the tables: bands, tightened requirements, scatter, and agreement of the
+        models.
+        """
         notes = [
-            "±: band of the meshes, and for a coupling under tolerance of the random stages; a value without a band is "
-            "exact, or by the analytic model alone"
+            "±: band of the meshes, and for a coupling under tolerance of the random stages; a "
+            "value without a band is exact, or by the analytic model alone"
         ]
-        tight = [f"{r.label} by {r.tightened_percent:.2g} %" for r in self.requirements if r.tightened_percent]
+        tight = [
+            f"{r.label} by {r.tightened_percent:.2g} %"
+            for r in self.requirements
+            if r.tightened_percent
+        ]
         if tight:
             notes.append(
-                "the search tightened requirements by their bands, and with continuous dimensions by "
-                f"{self.accuracy_percent:g} % (accuracy_percent), the allowed difference of model and finite elements: "
-                f"{', '.join(tight)}"
+                "the search tightened requirements by their bands, and with continuous "
+                f"dimensions by {self.accuracy_percent:g} % (accuracy_percent), the allowed "
+                f"difference of model and finite elements: {', '.join(tight)}"
             )
         if self.scattered is not None:
-            share = f"{100 * self.scattered.share:.3g} % of {self.scattered.stages:,} stages with scattered necks"
-            notes += [f"{share} meet every requirement, by the corrected model", *self.scattered.notes]
+            share = (
+                f"{100 * self.scattered.share:.3g} % of {self.scattered.stages:,} stages with "
+                "scattered necks"
+            )
+            notes += [
+                f"{share} meet every requirement, by the corrected model",
+                *self.scattered.notes,
+            ]
         agreed = "agree" if self.agreed else "do not agree"
-        agreement = f"corrected model and finite elements {agreed} within {self.accuracy_percent:g} % at the design"
+        agreement = (
+            f"corrected model and finite elements {agreed} within {self.accuracy_percent:g} % at "
+            "the design"
+        )
         return [*notes, agreement]
 
     def tables(self, plain: bool = True) -> list[TextTable]:
@@ -231,55 +262,135 @@ class Designed(Record):
         """Return the tables by section, without empty ones."""
         sections: dict[str, list[TextTable]] = {}
 
-        def add(section: str, caption: str, head: list[str], rows: Iterable[list[str]], names: int = 1) -> None:
+        def add(
+            section: str, caption: str, head: list[str], rows: Iterable[list[str]], names: int = 1
+        ) -> None:
             if filled := list(rows):
                 sections.setdefault(section, []).append(TextTable(head, filled, names, caption))
 
-        limit, check = "limits the objective", ["checked by", "uncorrected model"]
+        limit = "limits the objective"
+        check = ["checked by", "uncorrected model"]
         labels = {each.name: each.label for each in (*self.requirements, *self.objectives)}
         objectives = [goal.label_with_unit(plain) for goal in self.objectives]
         add(
-            "design", "Dimensions of the design",
-            [f"dimension (units of the {self.kind} file)", "designed", "without steps, by the model", "limit"],
-            ([name, f"{value:.6g}", f"{self.relaxed[name]:.6g}", "at an end of its range" * (name in self.at_ends)]
-             for name, value in self.design.items()),
-        )  # fmt: skip
+            "design",
+            "Dimensions of the design",
+            [
+                f"dimension (units of the {self.kind} file)",
+                "designed",
+                "without steps, by the model",
+                "limit",
+            ],
+            (
+                [
+                    name,
+                    f"{value:.6g}",
+                    f"{self.relaxed[name]:.6g}",
+                    "at an end of its range" * (name in self.at_ends),
+                ]
+                for name, value in self.design.items()
+            ),
+        )
         add(
-            "design", "Objectives", ["objective", "value", "better", *check],
-            ([goal.label, goal.formatted(plain), goal.better, goal.checked_by, f"{goal.uncorrected:.6g}"]
-             for goal in self.objectives),
-        )  # fmt: skip
+            "design",
+            "Objectives",
+            ["objective", "value", "better", *check],
+            (
+                [
+                    goal.label,
+                    goal.formatted(plain),
+                    goal.better,
+                    goal.checked_by,
+                    f"{goal.uncorrected:.6g}",
+                ]
+                for goal in self.objectives
+            ),
+        )
         add(
-            "requirements", "Requirements with their margins",
+            "requirements",
+            "Requirements with their margins",
             ["requirement", "limits", "value", "verdict", "margin (% of the limit)", limit, *check],
-            ([r.label, r.limits, r.formatted(plain), r.verdict,
-              f"{r.margin_percent:.3g}" + (f" ± {r.band_percent:.2g}" if r.band_percent else ""),
-              limit * r.active, r.checked_by, f"{r.uncorrected:.6g}"] for r in self.requirements),
-        )  # fmt: skip
-        joint = [(r.label, "with the others", r.value, -r.margin_percent)
-                 for r in self.requirements if r.verdict == "missed"]  # fmt: skip
-        sole = [(relaxed.requirement, "alone", relaxed.relax_to, relaxed.percent) for relaxed in self.alternatives]
+            (
+                [
+                    r.label,
+                    r.limits,
+                    r.formatted(plain),
+                    r.verdict,
+                    f"{r.margin_percent:.3g}"
+                    + (f" ± {r.band_percent:.2g}" if r.band_percent else ""),
+                    limit * r.active,
+                    r.checked_by,
+                    f"{r.uncorrected:.6g}",
+                ]
+                for r in self.requirements
+            ),
+        )
+        joint = [
+            (r.label, "with the others", r.value, -r.margin_percent)
+            for r in self.requirements
+            if r.verdict == "missed"
+        ]
+        sole = [
+            (relaxed.requirement, "alone", relaxed.relax_to, relaxed.percent)
+            for relaxed in self.alternatives
+        ]
         add(
-            "requirements", "Smallest relaxations, by the model", ["requirement", "relaxed", "to", "by (%)"],
-            ([name, how, *(["not sufficient", ""] if to is None or by is None else [f"{to:.6g}", f"{by:.3g}"])]
-             for name, how, to, by in (*joint, *sole)), 2,
-        )  # fmt: skip
+            "requirements",
+            "Smallest relaxations, by the model",
+            ["requirement", "relaxed", "to", "by (%)"],
+            (
+                [
+                    name,
+                    how,
+                    *(
+                        ["not sufficient", ""]
+                        if to is None or by is None
+                        else [f"{to:.6g}", f"{by:.3g}"]
+                    ),
+                ]
+                for name, how, to, by in (*joint, *sole)
+            ),
+            2,
+        )
         add(
-            "sensitivity", "Change (%) per 1 % increase of a dimension", ["dimension", *labels.values()],
-            ([name, *("not known" if row[key] is None else f"{row[key]:+.3g}" for key in labels)]
-             for name, row in self.sensitivities.items()),
-        )  # fmt: skip
+            "sensitivity",
+            "Change (%) per 1 % increase of a dimension",
+            ["dimension", *labels.values()],
+            (
+                [name, *("not known" if row[key] is None else f"{row[key]:+.3g}" for key in labels)]
+                for name, row in self.sensitivities.items()
+            ),
+        )
         add(
-            "front", "Pareto front of both objectives, solved by finite elements",
-            ["design", *self.design, *objectives, *(f"{title}, corrected model" for title in objectives),
-             *(f"margin of {r.label} (%)" for r in self.requirements), "requirements"],
-            ([str(k), *(f"{x:.6g}" for x in (*point.design.values(), *point.values, *point.predicted)),
-              *(f"{x:.3g}" for x in point.margins_percent), "met" if point.met else "not met"]
-             for k, point in enumerate(self.front, 1)),
-        )  # fmt: skip
+            "front",
+            "Pareto front of both objectives, solved by finite elements",
+            [
+                "design",
+                *self.design,
+                *objectives,
+                *(f"{title}, corrected model" for title in objectives),
+                *(f"margin of {r.label} (%)" for r in self.requirements),
+                "requirements",
+            ],
+            (
+                [
+                    str(k),
+                    *(
+                        f"{x:.6g}"
+                        for x in (*point.design.values(), *point.values, *point.predicted)
+                    ),
+                    *(f"{x:.3g}" for x in point.margins_percent),
+                    "met" if point.met else "not met",
+                ]
+                for k, point in enumerate(self.front, 1)
+            ),
+        )
         counts = ([name, f"{count:,}"] for name, count in self.evaluations.items())
         add("search", "Evaluations", ["model", "designs"], counts)
-        rounds = ([str(k), f"{r.evaluations:,}", f"{r.gap_percent:.3g}"] for k, r in enumerate(self.rounds, 1))
+        rounds = (
+            [str(k), f"{r.evaluations:,}", f"{r.gap_percent:.3g}"]
+            for k, r in enumerate(self.rounds, 1)
+        )
         add("search", "Rounds", ["round", "designs by the model", "largest difference (%)"], rounds)
         return sections
 
@@ -301,7 +412,9 @@ def is_design(path: str | os.PathLike[str]) -> bool:
 
 
 def read_design(path: str | os.PathLike[str]) -> Designed:
-    """Read a stored design. Raises BadInput when it is of another version, or was changed since it was stored."""
+    """Read a stored design. Raises BadInput when it is of another version, or was changed since it
+    was stored.
+    """
     try:
         return Designed.model_validate_json(json.dumps(unsealed(path)))
     except ValidationError as error:

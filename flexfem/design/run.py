@@ -36,29 +36,33 @@ def run_design(
     scheduler: str | None = None,
     executor: Executor | None = None,
 ) -> Designed:
-    """Find the best stage or mechanism for requirements, or the nearest one, and check it by finite elements.
+    """Find the best stage or mechanism for requirements, or the nearest one, and check it by finite
+    elements.
 
     Parameters
     ----------
     requirements : path
         Requirements file.
     output : path, optional
-        Folder for the stage or mechanism file, `<stem>-stage.toml` or `<stem>-mechanism.toml`, those of the front,
-        `<stem>-front-1.toml` and so on, and the record, `<stem>-design.json`. If a run was stopped, its finite-element
-        solutions in this folder are used again. None writes nothing.
+        Folder for the stage or mechanism file, `<stem>-stage.toml` or `<stem>-mechanism.toml`,
+        those of the front, `<stem>-front-1.toml` and so on, and the record, `<stem>-design.json`.
+        If a run was stopped, its finite-element solutions in this folder are used again. None
+        writes nothing.
     workers : int
         Processes for finite elements, 1 for this one.
     say : callable
         Called with a line of text on the progress.
     scheduler : str, optional
-        Solve finite elements on the workers of a Dask scheduler: its address, host:port, or its scheduler file.
+        Solve finite elements on the workers of a Dask scheduler: its address, host:port, or its
+        scheduler file.
     executor : concurrent.futures.Executor, optional
         Solve finite elements on the workers of this executor.
 
     Returns
     -------
     Designed
-        The record; its `stage` is the text of the stage or mechanism file, whose provenance names what is designed.
+        The record; its `stage` is the text of the stage or mechanism file, whose provenance names
+        what is designed.
 
     Raises
     ------
@@ -70,22 +74,39 @@ def run_design(
     workers = integer("workers", workers, MOST_WORKERS)
     elsewhere = scheduler is not None or executor is not None
     if workers > 1 and elsewhere:
-        raise BadInput(f"workers = {workers}, expected none with a scheduler or an executor, which have their own")
+        raise BadInput(
+            f"workers = {workers}, expected none with a scheduler or an executor, which have "
+            "their own"
+        )
     if not callable(say):
         raise BadInput(f"say {printed(say)}, expected a function of a line of text")
     loaded = load_requirements(checked_path(requirements))
-    folder, stem, base = None, loaded.path.stem, Path(loaded.base.origin.path or "")
+    folder = None
+    stem = loaded.path.stem
+    base = Path(loaded.base.origin.path or "")
     if output is not None:
         folder = checked_path(output)
         check_folder(folder)
         count = loaded.requirements.front if len(loaded.requirements.objective) > 1 else 0
         kind = "mechanism" if loaded.requirements.on_mechanism else "stage"
-        names = [PLATE.format(stem, kind), *(FRONT.format(stem, k + 1) for k in range(count)), f"{stem}-design.json"]
-        names += [f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
+        names = [
+            PLATE.format(stem, kind),
+            *(FRONT.format(stem, k + 1) for k in range(count)),
+            f"{stem}-design.json",
+        ]
+        names += [
+            f"{stem}-design{part}.{form}"
+            for part in ("", "-sensitivity", "-front")
+            for form in ("png", "pdf")
+        ]
         for name in sorted(names, key=len, reverse=True):
             check_name(folder / name, base, loaded.path)
     kept = None if folder is None else folder / f".{stem}-design.found"
-    with workers_of(workers, scheduler, executor) if workers > 1 or elsewhere else nullcontext() as pool:
+    with (
+        workers_of(workers, scheduler, executor)
+        if workers > 1 or elsewhere
+        else nullcontext() as pool
+    ):
         found = designed(loaded, ElementSolver(loaded, Counter(), pool, kept, say))
     if folder is not None and kept is not None:
         _write(found, folder, base)
@@ -100,7 +121,9 @@ def _write(found: Designed, folder: Path, base: Path) -> None:
     """
     stem = Path(found.file).stem
     texts = {PLATE.format(stem, found.kind): found.stage}
-    texts |= {FRONT.format(stem, number): design.stage for number, design in enumerate(found.front, 1)}
+    texts |= {
+        FRONT.format(stem, number): design.stage for number, design in enumerate(found.front, 1)
+    }
     for name, text in texts.items():
         write_atomically(folder / name, lambda file, text=text: file.write(text.encode()))  # type: ignore[misc]
     write_sealed(folder / f"{stem}-design.json", found.model_dump(mode="json"))

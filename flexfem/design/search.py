@@ -1,4 +1,6 @@
-"""The search: differential evolution, refinement by sequential quadratic programming, then rounding to steps."""
+"""The search: differential evolution, refinement by sequential quadratic programming, then rounding
+to steps.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +27,9 @@ INWARD = 2e-9  # tightening of the constraints, relative to a size, against the 
 class Effort(NamedTuple):
     """Designs of the initial Sobol `sample`, sizes of populations, and generations at most.
 
-    A population has `each` designs for each dimension, from `least` to `most`; that of the local search has `near`.
-    `beam` designs are kept while the dimensions are rounded to steps. SLSQP stops after `iterations`, or at `accuracy`.
-    """
+    A population has `each` designs for each dimension, from `least` to `most`; that of the local
+    search has `near`. `beam` designs are kept while the dimensions are rounded to steps. SLSQP
+    stops after `iterations`, or at `accuracy`."""
 
     sample: int = 1024
     least: int = 24
@@ -42,15 +44,17 @@ class Effort(NamedTuple):
 
 
 FULL = Effort()
-SPARING = Effort(256, 16, 40, 8, 30, 16, 6, 2, 12, 1e-6)  # for mechanisms, of which each design takes 20 ms
+SPARING = Effort(
+    256, 16, 40, 8, 30, 16, 6, 2, 12, 1e-6
+)  # for mechanisms, of which each design takes 20 ms
 
 
 class BestDesign(NamedTuple):
-    """Result of a search: the best design (d,) on the steps, in file units, and the best one without steps, `relaxed`.
+    """Result of a search: the best design (d,) on the steps, in file units, and the best one
+    without steps, `relaxed`.
 
-    `merit` is that of `values`, see `Model.merit`; `history` holds the evaluations so far, the best objective (None
-    before a feasible design), and the sum of the violations.
-    """
+    `merit` is that of `values`, see `Model.merit`; `history` holds the evaluations so far, the best
+    objective (None before a feasible design), and the sum of the violations."""
 
     values: Array
     relaxed: Array
@@ -59,7 +63,8 @@ class BestDesign(NamedTuple):
 
 
 def optimum(model: Model, near: Array | None = None, everywhere: bool = True) -> BestDesign:
-    """Return the best design, with `near` (d,) as an initial guess; without `everywhere` the search is local to it.
+    """Return the best design, with `near` (d,) as an initial guess; without `everywhere` the search
+    is local to it.
 
     Raises BadInput when no design has a solution.
     """
@@ -71,7 +76,10 @@ def optimum(model: Model, near: Array | None = None, everywhere: bool = True) ->
         finite = np.isfinite(model.evaluate(values[None])).all()
         why = "its bodies cannot be drawn" if finite else "a quantity without a finite value"
         reason = model.columns(values[None])[1][0] or why
-        raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions has a result: {reason}")
+        raise BadInput(
+            f"{place_of(model.loaded.path)}: no design of the free dimensions has a result: "
+            f"{reason}"
+        )
     return BestDesign(values, relaxed, merit, search.history)
 
 
@@ -79,10 +87,17 @@ class _Search:
     """State of a search: `best` merit of a design that can be drawn, and the history."""
 
     def __init__(self, model: Model) -> None:
-        self.model, self.space, self.seed = model, model.space, model.required.seed
-        self.best, self.noted, self.history = np.inf, np.inf, list[tuple[int, float | None, float]]()
+        self.model = model
+        self.space = model.space
+        self.seed = model.required.seed
+        self.best, self.noted, self.history = (
+            np.inf,
+            np.inf,
+            list[tuple[int, float | None, float]](),
+        )
         self.effort = SPARING if model.required.on_mechanism else FULL
-        self.drawable, self.evaluations_before = dict[bytes, bool](), model.counts["analytic"]
+        self.drawable = dict[bytes, bool]()
+        self.evaluations_before = model.counts["analytic"]
 
     def merit(self, values: Array) -> Array:
         """Return the merits (n,) of designs (n, d); a new best design must be drawable."""
@@ -102,16 +117,24 @@ class _Search:
     def note(self, merit: float) -> None:
         """Add the lesser of the best merit so far and `merit` to the history."""
         self.noted = merit = min(merit, self.noted)
-        objective = None if merit >= MISSED else merit * float(self.model.signs[self.model.objective])
+        objective = (
+            None if merit >= MISSED else merit * float(self.model.signs[self.model.objective])
+        )
         evaluations = self.model.counts["analytic"] - self.evaluations_before
         self.history.append((evaluations, objective, float(max(merit / MISSED - 1, 0.0))))
 
     def _sample(self, count: int, stream: int = 0) -> Array:
         """Return a Sobol sample (count, d) in the unit cube."""
-        return np.asarray(qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + stream)).random(count))
+        return np.asarray(
+            qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + stream)).random(count)
+        )
 
-    def _evolved(self, merit: Callable[[Array], Array], population: Array, low: Array, high: Array, most: int) -> Array:
-        """Return the best design (d,) of differential evolution of a population (n, d) between two corners."""
+    def _evolved(
+        self, merit: Callable[[Array], Array], population: Array, low: Array, high: Array, most: int
+    ) -> Array:
+        """Return the best design (d,) of differential evolution of a population (n, d) between two
+        corners.
+        """
         found = differential_evolution(
             lambda u: merit(self.space.from_unit(u.T)),
             list(zip(low, np.where(high > low, high, low + 1e-9), strict=True)),
@@ -127,7 +150,9 @@ class _Search:
         return np.asarray(self.space.from_unit(found.x[None])[0])
 
     def global_optimum(self, near: Array | None) -> Array:
-        """Return the best design (d,) without steps by differential evolution over the design space."""
+        """Return the best design (d,) without steps by differential evolution over the design
+        space.
+        """
         guesses = [self.model.loaded.base_values, *([] if near is None else [near])]
         u = np.vstack([self.space.to_unit(np.array(guesses)), self._sample(self.effort.sample)])
 
@@ -145,7 +170,9 @@ class _Search:
         return self._evolved(merit, u[order[:size]], *corners, self.effort.generations)
 
     def local_optimum(self, start: Array) -> Array:
-        """Return the best design (d,) without steps near `start` (d,), by SLSQP and evolution, which passes kinks."""
+        """Return the best design (d,) without steps near `start` (d,), by SLSQP and evolution,
+        which passes kinks.
+        """
         start = self.polished(start)
         centre = self.space.to_unit(start[None])[0]
         low = np.clip(centre - NARROW, 0, 1)
@@ -157,34 +184,46 @@ class _Search:
         return np.asarray(candidates[int(np.argmin(self.merit(candidates)))])
 
     def on_steps(self, relaxed: Array, near: Array | None) -> tuple[Array, float]:
-        """Return the best design on the steps near the one without steps, or near `near`, and its merit.
+        """Return the best design on the steps near the one without steps, or near `near`, and its
+        merit.
 
-        A beam search rounds one dimension after the other, the coarsest first, and optimises the others again. A
-        descent over neighbours follows.
-        """
-        self.best, space = np.inf, self.space
+        A beam search rounds one dimension after the other, the coarsest first, and optimises the
+        others again. A descent over neighbours follows."""
+        self.best = np.inf
+        space = self.space
         if space.continuous.all():
             merit = float(self.merit(relaxed[None])[0])
             self.note(merit)
             return relaxed, merit
-        self.noted, free, beam = np.inf, ~space.listed, relaxed[None]
+        self.noted = np.inf
+        free = ~space.listed
+        beam = relaxed[None]
         value_counts = [len(allowed) or np.inf for allowed in space.allowed]
         for k in np.argsort(value_counts, kind="stable")[: np.sum(~space.continuous)]:
             free[k] = False
-            rounded = {(*x[:k], value, *x[k + 1 :]) for x in beam for value in space.adjacent(k, x[k])}
-            candidates = np.array([self.polished(np.array(start), free) for start in sorted(rounded)])
+            rounded = {
+                (*x[:k], value, *x[k + 1 :]) for x in beam for value in space.adjacent(k, x[k])
+            }
+            candidates = np.array(
+                [self.polished(np.array(start), free) for start in sorted(rounded)]
+            )
             beam = candidates[np.argsort(self.merit(candidates), kind="stable")[: self.effort.beam]]
         ends = space.snapped(np.vstack([beam] if near is None else [beam, near]))
         values, merit = min(map(self._descended, np.unique(ends, axis=0)), key=lambda end: end[1])
         if merit < REFUSED_MERIT:
             return values, merit
-        sample = space.snapped(space.from_unit(self._sample(self.effort.sample)))  # no neighbour can be drawn
+        sample = space.snapped(
+            space.from_unit(self._sample(self.effort.sample))
+        )  # no neighbour can be drawn
         self.best = np.inf
         return self._descended(sample[int(np.argmin(self.merit(sample)))])
 
     def _descended(self, values: Array) -> tuple[Array, float]:
-        """Return the local minimum among neighbours that a descent from `values` (d,) reaches, and its merit."""
-        self.best, continuous = np.inf, self.space.continuous  # the best merit so far may be of a design without steps
+        """Return the local minimum among neighbours that a descent from `values` (d,) reaches, and
+        its merit.
+        """
+        self.best = np.inf
+        continuous = self.space.continuous  # the best merit so far may be of a design without steps
         values = self.polished(values, continuous)
         merit = float(self.merit(values[None])[0])
         for _ in range(MOVES):
@@ -196,21 +235,26 @@ class _Search:
             least = int(np.argmin(merits))
             if not merits[least] < merit - 1e-12 * abs(merit):
                 break
-            values, merit = candidates[least], float(merits[least])
+            values = candidates[least]
+            merit = float(merits[least])
         self.note(merit)
         return values, merit
 
     def polished(self, start: Array, free: AnyArray | None = None) -> Array:
         """Return the design (d,) that SLSQP reaches from `start` (d,), or `start` if it is as good.
 
-        `free` (d,) marks the variable dimensions, by default all without a list of values. All finite differences of an
-        iterate are one batch. SLSQP overwrites the arrays that it receives, hence the copies.
-        """
+        `free` (d,) marks the variable dimensions, by default all without a list of values. All
+        finite differences of an iterate are one batch. SLSQP overwrites the arrays that it
+        receives, hence the copies."""
         free = ~self.space.listed if free is None else free
         if not free.any() or float(self.merit(start[None])[0]) >= REFUSED_MERIT:
             return start
-        space, model, variable, known = self.space, self.model, np.flatnonzero(free), dict[bytes, tuple[Array, Array]]()
-        d, u0 = len(variable), space.to_unit(start[None])[0]
+        space = self.space
+        model = self.model
+        variable = np.flatnonzero(free)
+        known = dict[bytes, tuple[Array, Array]]()
+        d = len(variable)
+        u0 = space.to_unit(start[None])[0]
         size = max(abs(float(model.cost(model.evaluate(start[None]))[0])), 1e-30)
 
         def linearised(x: Array) -> tuple[Array, Array]:
@@ -220,7 +264,9 @@ class _Search:
                 u[:, variable] = np.clip(np.clip(x, 0, 1) + steps, 0, 1)
                 values = space.from_unit(u)
                 quantities = model.evaluate(values)
-                f = np.column_stack([model.cost(quantities) / size, model.constraints(values, quantities) - INWARD])
+                f = np.column_stack(
+                    [model.cost(quantities) / size, model.constraints(values, quantities) - INWARD]
+                )
                 known[x.tobytes()] = _differences(f, u[:, variable])
             return known[x.tobytes()]
 
@@ -229,11 +275,14 @@ class _Search:
             u0[variable],
             jac=lambda x: linearised(x)[1][0].copy(),
             bounds=Bounds(np.zeros(d), np.ones(d)),
-            constraints={"type": "ineq", "fun": lambda x: linearised(x)[0][1:].copy(),
-                         "jac": lambda x: linearised(x)[1][1:].copy()},
+            constraints={
+                "type": "ineq",
+                "fun": lambda x: linearised(x)[0][1:].copy(),
+                "jac": lambda x: linearised(x)[1][1:].copy(),
+            },
             method="SLSQP",
             options={"maxiter": self.effort.iterations, "ftol": self.effort.accuracy},
-        )  # fmt: skip
+        )
         u = u0.copy()
         u[variable] = np.clip(found.x, 0, 1)
         end = np.where(free, space.from_unit(u[None])[0], start)
@@ -242,10 +291,11 @@ class _Search:
 
 
 def _differences(f: Array, u: Array) -> tuple[Array, Array]:
-    """Return values (1 + c,) and slopes (1 + c, d) at a point from rows f (2 d + 1, 1 + c): there, below it, above it.
+    """Return values (1 + c,) and slopes (1 + c, d) at a point from rows f (2 d + 1, 1 + c): there,
+    below it, above it.
 
-    A difference is one-sided where the other side has no solution. A point without one is very infeasible.
-    """
+    A difference is one-sided where the other side has no solution. A point without one is very
+    infeasible."""
     d = u.shape[1]
     solved = np.asarray(np.isfinite(f).all(axis=1))
     if not solved[0]:

@@ -1,9 +1,9 @@
 """Highest stress of the moving bodies of a plate, and the places near which it is left out.
 
-At a re-entrant corner without radius and at the ends of a clamped edge the stress of linear elasticity is singular: it
-grows without limit as the mesh is refined. Where a load acts, the stress follows from its idealisation as a body force
-over a disc. Nodes near such corners and loads are therefore left out.
-"""
+At a re-entrant corner without radius and at the ends of a clamped edge the stress of linear
+elasticity is singular: it grows without limit as the mesh is refined. Where a load acts, the stress
+follows from its idealisation as a body force over a disc. Nodes near such corners and loads are
+therefore left out."""
 
 from __future__ import annotations
 
@@ -20,10 +20,14 @@ from flexfem.mechanism.layout import Body, Layout, Patch
 from flexfem.mechanism.plate import mean_width
 
 SHARP = np.deg2rad(20.0)  # turn of the edge of the plate at a corner without radius
-# Distance from such a corner, per mean width of the body, within which nodes are left out: two triangles of the
-# coarsest mesh. Farther away the stress at the corner of a bar is within a few per cent of that of a beam.
+# Distance from such a corner, per mean width of the body, within which nodes are left out: two
+# triangles of the
+# coarsest mesh. Farther away the stress at the corner of a bar is within a few per cent of that of
+# a beam.
 NEAR = 0.25
-AT_LOAD = 3.0  # distance from a contact, per radius, within which nodes are left out: a load is an idealisation there
+# distance from a contact, per radius, within which nodes are left out: a load is an idealisation
+# there
+AT_LOAD = 3.0
 SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # nodes of a triangle: start, end and middle of its sides
 
 
@@ -40,7 +44,8 @@ def moving_bodies(layout: Layout) -> list[int]:
 
 
 def sharp_corners(mesh: StageMesh, held: Index) -> Index:
-    """Return the nodes at re-entrant corners of a mesh, without radius, and at the ends of held parts of its edge.
+    """Return the nodes at re-entrant corners of a mesh, without radius, and at the ends of held
+    parts of its edge.
 
     held : nodes that do not move.
     """
@@ -78,11 +83,15 @@ def corners_of_bodies(layout: Layout, mesh: StageMesh, held: Index) -> list[Inde
     mesh : of the bodies that are not fixed and of the hinges.   held : nodes that do not move.
     """
     corners = sharp_corners(mesh, held)
-    return [np.intersect1d(corners, mesh.triangles[mesh.bodies == index]) for index in moving_bodies(layout)]
+    return [
+        np.intersect1d(corners, mesh.triangles[mesh.bodies == index])
+        for index in moving_bodies(layout)
+    ]
 
 
 def body_nodes(layout: Layout, mesh: StageMesh, held: Index) -> tuple[Index, ...]:
-    """Return the nodes of every moving body that are not near its sharp corners and loads; at least the farthest one.
+    """Return the nodes of every moving body that are not near its sharp corners and loads; at least
+    the farthest one.
 
     mesh, held : as of `corners_of_bodies`.
     """
@@ -93,7 +102,9 @@ def body_nodes(layout: Layout, mesh: StageMesh, held: Index) -> tuple[Index, ...
         points = mesh.nodes[nodes]
         centres = [(mesh.nodes[corner], left_out_within(layout.bodies[index])) for corner in sharp]
         for patch in loaded_patches(layout, index):
-            centres.append((np.array([patch.point.real, patch.point.imag]), AT_LOAD * (patch.radius or 0.0)))
+            centres.append(
+                (np.array([patch.point.real, patch.point.imag]), AT_LOAD * (patch.radius or 0.0))
+            )
         away = np.full(len(nodes), np.inf)  # distances from all centres, each per its radius
         for centre, radius in centres:
             if radius:
@@ -104,24 +115,31 @@ def body_nodes(layout: Layout, mesh: StageMesh, held: Index) -> tuple[Index, ...
 
 def loaded_patches(layout: Layout, body: int) -> list[Patch]:
     """Return the contacts of a body with a radius at which the output or an actuator loads it."""
-    contacts = [layout.points[0][1], *(patch for actuator in layout.actuators for patch in actuator.contacts)]
+    contacts = [
+        layout.points[0][1],
+        *(patch for actuator in layout.actuators for patch in actuator.contacts),
+    ]
     return [patch for patch in contacts if patch.body == body and patch.radius is not None]
 
 
 def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
-    """Return the highest stress of every body, at the nodes of `body_nodes`, under loads (..., c), multiples of cases.
+    """Return the highest stress of every body, at the nodes of `body_nodes`, under loads (..., c),
+    multiples of cases.
 
-    The cases are unit loads on the ports. Nodes near loaded points are left out, too. With layers it is the highest
-    over the thickness.
-    """
+    The cases are unit loads on the ports. Nodes near loaded points are left out, too. With layers
+    it is the highest over the thickness."""
     flat = np.reshape(loads, (-1, len(response.nodal)))
     places = response.structure.mesh.nodes
     highest = np.zeros((len(flat), len(response.bodies)))
     at = np.zeros((*highest.shape, 2))
-    for number, (nodes, stress) in enumerate(zip(response.bodies, response.body_stresses, strict=True)):
+    for number, (nodes, stress) in enumerate(
+        zip(response.bodies, response.body_stresses, strict=True)
+    ):
         for row, load in enumerate(flat):
             ratio = response.ratio_of(moving_bodies(layout)[number])
-            values: AnyArray = von_mises(np.tensordot(load, stress, axes=1), ratio).reshape(len(nodes), -1)
+            values: AnyArray = von_mises(np.tensordot(load, stress, axes=1), ratio).reshape(
+                len(nodes), -1
+            )
             by_node = values.max(axis=1)
             by_node[~body_loads_apart(layout, places[nodes], number, load)] = 0.0
             worst = int(np.argmax(by_node))
@@ -132,7 +150,8 @@ def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
 
 
 def body_loads_apart(layout: Layout, places: Array, number: int, load: Array) -> NDArray[np.bool_]:
-    """Return which places (n, 2), mm, of a moving body are not near points that a load (c,) on the ports loads.
+    """Return which places (n, 2), mm, of a moving body are not near points that a load (c,) on the
+    ports loads.
 
     All of them where no place is left.
     """
@@ -155,20 +174,25 @@ def _loaded_points(layout: Layout, body: int, load: Array) -> list[Patch]:
 
 
 def point_stress(response: Response, layout: Layout, loads: Array) -> Array:
-    """Return the von Mises stress (..., p), MPa, at the points of a layout under loads (..., c), multiples of cases.
+    """Return the von Mises stress (..., p), MPa, at the points of a layout under loads (..., c),
+    multiples of cases.
 
-    It is that of the nearest place of the body of the point; with layers, the highest over the thickness. It is nan at
-    the output, where it follows from the idealised load, and on fixed bodies.
-    """
+    It is that of the nearest place of the body of the point; with layers, the highest over the
+    thickness. It is nan at the output, where it follows from the idealised load, and on fixed
+    bodies."""
     flat = np.reshape(loads, (-1, len(response.nodal)))
     found = np.full((len(flat), len(layout.points)), np.nan)
-    mesh, plate, layers = response.structure.mesh, response.structure.plate, response.structure.layers
+    mesh = response.structure.mesh
+    plate = response.structure.plate
+    layers = response.structure.layers
     for number, (_, patch) in enumerate(layout.points[1:], start=1):
         triangles = mesh.triangles[mesh.bodies == patch.body]
         if not len(triangles):
             continue
         nodes, weights = _interpolation(mesh.nodes, triangles, patch.point)
-        of_nodes = nodal_stress(mesh, plate, response.nodal, np.sort(nodes), layers, part=patch.body)
+        of_nodes = nodal_stress(
+            mesh, plate, response.nodal, np.sort(nodes), layers, part=patch.body
+        )
         stress = of_nodes[:, np.argsort(np.argsort(nodes))]
         at_point = np.tensordot(weights, stress, axes=(0, 1))
         values = von_mises(np.tensordot(flat, at_point, axes=1), response.ratio_of(patch.body))
@@ -177,12 +201,17 @@ def point_stress(response: Response, layout: Layout, loads: Array) -> Array:
 
 
 def _interpolation(places: Array, triangles: Index, point: complex) -> tuple[Index, Array]:
-    """Return the nodes (6,) of the triangle that contains a point, or is nearest to it, and their weights."""
+    """Return the nodes (6,) of the triangle that contains a point, or is nearest to it, and their
+    weights.
+    """
     corners = places[triangles[:, :3]] @ [1, 1j]
     a, b, c = corners.T
     area = ((b - a).conjugate() * (c - a)).imag
     shares = np.array(
-        [((end - start).conjugate() * (point - start)).imag / area for start, end in ((b, c), (c, a), (a, b))]
+        [
+            ((end - start).conjugate() * (point - start)).imag / area
+            for start, end in ((b, c), (c, a), (a, b))
+        ]
     )
     nearest = int(np.argmax(shares.min(axis=0)))
     inside = np.clip(shares[:, nearest], 0.0, None)

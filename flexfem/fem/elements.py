@@ -1,8 +1,9 @@
-"""Curved quadratic triangles in the plane, and wedges: these triangles times quadratic segments through the thickness.
+"""Curved quadratic triangles in the plane, and wedges: these triangles times quadratic segments
+through the thickness.
 
-A shape function is the product of one of the triangle, phi, and one of the line through the thickness, psi; a plane
-element has psi = 1. The stiffness of two nodes of the plane is a sum of products of a plane and a line matrix.
-"""
+A shape function is the product of one of the triangle, phi, and one of the line through the
+thickness, psi; a plane element has psi = 1. The stiffness of two nodes of the plane is a sum of
+products of a plane and a line matrix."""
 
 from __future__ import annotations
 
@@ -16,19 +17,24 @@ from numpy.typing import NDArray
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.mesh import NODES, StageMesh, gradients, quadrature, shape_functions
 
-QUADRATURE = 2  # three points: exact on straight triangles; error 2e-6 on the default mesh, whose own error is 6e-5
+# three points: exact on straight triangles; error 2e-6 on the default mesh, whose own error is 6e-5
+QUADRATURE = 2
 SOLID_QUADRATURE = 4  # of products of two quadratic shape functions
-MASS_QUADRATURE = 6  # of products of shape functions times the Jacobian determinant of a curved triangle: exact
+MASS_QUADRATURE = (
+    6  # of products of shape functions times the Jacobian determinant of a curved triangle: exact
+)
 LINE_POINTS = 3  # of Gauss in every layer: exact for products of two quadratic shape functions
 CHUNK = 20_000  # triangles integrated at once
-CACHED = 400  # triangles whose matrices are computed at once: they fit the cache of a processor, and memory is reused
+# triangles whose matrices are computed at once: they fit the cache of a processor, and memory is
+# reused
+CACHED = 400
 
 
 class Plate(NamedTuple):
     """A plate of isotropic material: Young's modulus (MPa), Poisson's ratio, thickness (mm).
 
-    The elastic constants are numbers, or arrays (m,) of the triangles of a mesh whose parts have different materials.
-    """
+    The elastic constants are numbers, or arrays (m,) of the triangles of a mesh whose parts have
+    different materials."""
 
     youngs_modulus: Any
     poissons_ratio: Any
@@ -44,27 +50,35 @@ class Plate(NamedTuple):
         if not self.mixed:
             return self
         return self._replace(
-            youngs_modulus=self.youngs_modulus[triangles], poissons_ratio=self.poissons_ratio[triangles]
+            youngs_modulus=self.youngs_modulus[triangles],
+            poissons_ratio=self.poissons_ratio[triangles],
         )
 
     def lame(self, axes: int, dimensions: int = 1) -> tuple[Any, Any]:
-        """Lame constants, MPa, for 3 axes, or for plane stress with 2: `lambda* = E nu / (1 - nu^2)`, same mu.
+        """Lame constants, MPa, for 3 axes, or for plane stress with 2: `lambda* = E nu / (1 -
+        nu^2)`, same mu.
 
-        Those of triangles have the shape (m, 1, ...) of an array with so many dimensions, of which it is the first.
-        """
-        e, nu = self.youngs_modulus, self.poissons_ratio
+        Those of triangles have the shape (m, 1, ...) of an array with so many dimensions, of which
+        it is the first."""
+        e = self.youngs_modulus
+        nu = self.poissons_ratio
         if self.mixed:
             e, nu = (np.reshape(each, (-1, *[1] * (dimensions - 1))) for each in (e, nu))
         return e * nu / ((1 - nu**2) if axes == 2 else (1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
 
 
 def segment_functions(s: Array) -> tuple[Array, Array]:
-    """Values and slopes (3 nodes, z) of the quadratic shape functions at points (z,) of a segment from -1 to 1."""
-    return np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2]), np.array([s - 0.5, -2 * s, s + 0.5])
+    """Values and slopes (3 nodes, z) of the quadratic shape functions at points (z,) of a segment
+    from -1 to 1.
+    """
+    return np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2]), np.array(
+        [s - 0.5, -2 * s, s + 0.5]
+    )
 
 
 class Layers(NamedTuple):
-    """Nodes of a line through the thickness and their constraints: quadratic segments, or one node in the plane.
+    """Nodes of a line through the thickness and their constraints: quadratic segments, or one node
+    in the plane.
 
     heights : (m,), mm, of the nodes above the mid-plane, ascending: ends and middles of the layers.
     values, slopes : (m, z), of the shape functions at the Gauss points; slopes in 1/mm.
@@ -93,32 +107,42 @@ class Layers(NamedTuple):
     def free_components(self) -> Index:
         """Flat indices of the free components among (m, d) of the line: u, v of all nodes, then w."""
         index = np.arange(len(self.heights) * self.axes).reshape(-1, self.axes)
-        uv, w = np.delete(index[:, :2], self.fixed, axis=0), np.delete(index[:, 2:], self.held, axis=0)
+        uv = np.delete(index[:, :2], self.fixed, axis=0)
+        w = np.delete(index[:, 2:], self.held, axis=0)
         return np.concatenate([uv.ravel(), w.ravel()])
 
     @property
     def at_nodes(self) -> Layers:
         """The layers evaluated at their nodes; a slope between two layers is the mean of both."""
         count = len(self.heights)
-        slopes, adjacent = np.zeros((count, count)), np.zeros(count)
+        slopes = np.zeros((count, count))
+        adjacent = np.zeros(count)
         for first in range(0, count - 1, 2):
             at = slice(first, first + 3)
-            slopes[at, at] += 2 * segment_functions(np.array([-1.0, 0.0, 1.0]))[1] / np.ptp(self.heights[at])
+            slopes[at, at] += (
+                2 * segment_functions(np.array([-1.0, 0.0, 1.0]))[1] / np.ptp(self.heights[at])
+            )
             adjacent[at] += 1.0
         return self._replace(values=np.eye(count), slopes=slopes / np.maximum(adjacent, 1.0))
 
     def rigid(self, nodes: Array) -> Array:
-        """Displacements (n, m, d, 3) of nodes of the plane (n, 2), mm, per unit pose x, y, theta of a rigid body.
+        """Displacements (n, m, d, 3) of nodes of the plane (n, 2), mm, per unit pose x, y, theta of
+        a rigid body.
 
-        Out of the plane the pose is Z and the rotations a, b about x and y: `u = b z, v = -a z, w = Z + a y - b x`.
-        """
-        rigid, (x, y) = np.zeros((len(nodes), len(self.heights), self.axes, 3)), nodes.T[:, :, None]
+        Out of the plane the pose is Z and the rotations a, b about x and y: `u = b z, v = -a z, w =
+        Z + a y - b x`."""
+        rigid = np.zeros((len(nodes), len(self.heights), self.axes, 3))
+        x, y = nodes.T[:, :, None]
         if self.fixed:
-            rigid[:, :, 0, 2], rigid[:, :, 1, 1] = self.heights, -self.heights
-            rigid[:, :, 2, 0], rigid[:, :, 2, 1], rigid[:, :, 2, 2] = 1.0, y, -x
+            rigid[:, :, 0, 2] = self.heights
+            rigid[:, :, 1, 1] = -self.heights
+            rigid[:, :, 2, 0] = 1.0
+            rigid[:, :, 2, 1] = y
+            rigid[:, :, 2, 2] = -x
         else:
             rigid[:, :, 0, 0] = rigid[:, :, 1, 1] = 1.0
-            rigid[:, :, 0, 2], rigid[:, :, 1, 2] = -y, x
+            rigid[:, :, 0, 2] = -y
+            rigid[:, :, 1, 2] = x
         return rigid
 
 
@@ -128,10 +152,11 @@ def sheet(thickness: float) -> Layers:
 
 
 def mirrored(thickness: float, number: int, surface: float) -> Layers:
-    """Return layers of the upper half of the thickness, thinner towards the free face; integrals cover both halves.
+    """Return layers of the upper half of the thickness, thinner towards the free face; integrals
+    cover both halves.
 
-    surface : mm, depth below the face within which layers are thin, about the width of a neck: there its stress varies.
-    """
+    surface : mm, depth below the face within which layers are thin, about the width of a neck:
+    there its stress varies."""
     bounds = thickness / 2 - widening(np.linspace(1.0, 0.0, number + 1), surface, thickness / 2)
     bounds[0] = 0.0
     return layered(bounds, (0,), 2)
@@ -146,12 +171,16 @@ def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layer
     """Return layers with bounds (l + 1,), mm, ascending; integrals are multiplied by `copies`."""
     s, w = np.polynomial.legendre.leggauss(LINE_POINTS)
     psi, slope = segment_functions(s)
-    height, count = np.diff(bounds), len(bounds) - 1
-    heights = np.concatenate([np.column_stack([bounds[:-1], bounds[:-1] + height / 2]).ravel(), bounds[-1:]])
+    height = np.diff(bounds)
+    count = len(bounds) - 1
+    heights = np.concatenate(
+        [np.column_stack([bounds[:-1], bounds[:-1] + height / 2]).ravel(), bounds[-1:]]
+    )
     values, slopes = np.zeros((2, 2 * count + 1, LINE_POINTS * count))
     for layer in range(count):
         at = slice(2 * layer, 2 * layer + 3), slice(LINE_POINTS * layer, LINE_POINTS * (layer + 1))
-        values[at], slopes[at] = psi, slope * 2 / height[layer]
+        values[at] = psi
+        slopes[at] = slope * 2 / height[layer]
     return Layers(heights, values, slopes, np.outer(copies * height / 2, w).ravel(), held)
 
 
@@ -181,52 +210,77 @@ class ElementBatch(NamedTuple):
         for start in range(0, len(self.triangles), size):
             part = slice(start, start + size)
             first = self.first + start
-            yield ElementBatch(self.triangles[part], self.gradients[part], self.weights[part], self.phi, first)
+            yield ElementBatch(
+                self.triangles[part], self.gradients[part], self.weights[part], self.phi, first
+            )
 
     def assembly(self, nodes: int) -> tuple[Index, sp.csc_array]:
-        """Nodes (c,) of these triangles in a mesh of `nodes`, and the matrix (c, 6 e) that sums element values."""
+        """Nodes (c,) of these triangles in a mesh of `nodes`, and the matrix (c, 6 e) that sums
+        element values.
+        """
         used = np.zeros(nodes, dtype=bool)
         used[self.triangles] = True
-        own, columns = np.flatnonzero(used), np.arange(self.triangles.size + 1)
+        own = np.flatnonzero(used)
+        columns = np.arange(self.triangles.size + 1)
         rows = (np.cumsum(used) - 1)[self.triangles].ravel()
-        return own, sp.csc_array((np.ones(columns[-1]), rows, columns), shape=(len(own), columns[-1]))
+        return own, sp.csc_array(
+            (np.ones(columns[-1]), rows, columns), shape=(len(own), columns[-1])
+        )
 
     def slopes(self, line: Layers, fields: Array) -> Array:
-        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3), mm.
+        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3),
+        mm.
 
-        Displacements relative to the first node are used, so that large rigid motions cancel without round-off.
-        """
+        Displacements relative to the first node are used, so that large rigid motions cancel
+        without round-off."""
         if line.axes == 2:  # in the plane `line.values` is one
             u = fields[:, self.triangles]
-            return np.asarray(np.einsum("keic,eibq->kecbq", u - u[:, :, :1], self.gradients, optimize=True))
+            return np.asarray(
+                np.einsum("keic,eibq->kecbq", u - u[:, :, :1], self.gradients, optimize=True)
+            )
         u = fields.reshape(*fields.shape[:2], -1, line.axes)[:, self.triangles]
-        slopes = np.einsum("keimc,eibq,mz->kecbqz", u - u[:, :, :1], self.gradients, line.values, optimize=True)
-        along_z = np.einsum("keimc,iq,mz->kecqz", u - u[:, :, :, :1], self.phi, line.slopes, optimize=True)
+        slopes = np.einsum(
+            "keimc,eibq,mz->kecbqz", u - u[:, :, :1], self.gradients, line.values, optimize=True
+        )
+        along_z = np.einsum(
+            "keimc,iq,mz->kecqz", u - u[:, :, :, :1], self.phi, line.slopes, optimize=True
+        )
         slopes = np.concatenate([slopes, along_z[:, :, :, None]], axis=3)
         return np.asarray(slopes.reshape(*slopes.shape[:4], -1))
 
     def add_forces(self, forces: Array, line: Layers, stress: Array) -> None:
-        """Add to `forces` (k, n, ...), N, the balance of stresses (k, e, d, d, q z): `f_ia = int s_ab d_b phi_i dV`."""
+        """Add to `forces` (k, n, ...), N, the balance of stresses (k, e, d, d, q z): `f_ia = int
+        s_ab d_b phi_i dV`.
+        """
         weighted = stress.reshape(*stress.shape[:4], -1, len(line.weights))
         weighted = weighted * (self.weights[:, :, None] * line.weights)[:, None, None]
-        nodal = np.einsum("kecbqz,eibq,mz->eikmc", weighted[:, :, :, :2], self.gradients, line.values, optimize=True)
+        nodal = np.einsum(
+            "kecbqz,eibq,mz->eikmc",
+            weighted[:, :, :, :2],
+            self.gradients,
+            line.values,
+            optimize=True,
+        )
         if line.axes == 3:
-            nodal = nodal + np.einsum("kecqz,iq,mz->eikmc", weighted[:, :, :, 2], self.phi, line.slopes, optimize=True)
+            nodal = nodal + np.einsum(
+                "kecqz,iq,mz->eikmc", weighted[:, :, :, 2], self.phi, line.slopes, optimize=True
+            )
         own, assembly = self.assembly(forces.shape[1])
         total = assembly @ nodal.reshape(self.triangles.size, -1)
         forces[:, own] += np.moveaxis(total.reshape(len(own), len(forces), *forces.shape[2:]), 1, 0)
 
     def stiffness(self, plate: Plate, axes: int) -> Array:
-        """Coefficients (e, 6, 6, l, d, d) of the l matrices of the line in the stiffness between nodes of the plane.
+        """Coefficients (e, 6, 6, l, d, d) of the l matrices of the line in the stiffness between
+        nodes of the plane.
 
         plate : of these triangles.
 
         Notes
         -----
-        The weak form is `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`; with `g = int d_a phi_i d_b phi_j dA` its
-        plane part is `lambda g_ab + mu g_ba + mu delta_ab g_cc`.
-        """
-        e, phi = len(self.triangles), self.phi
+        The weak form is `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`; with `g = int d_a phi_i
+        d_b phi_j dA` its plane part is `lambda g_ab + mu g_ba + mu delta_ab g_cc`."""
+        e = len(self.triangles)
+        phi = self.phi
         lame, mu = plate.lame(axes, 3)
         root = (self.gradients * np.sqrt(self.weights)[:, None, None]).reshape(e, 12, -1)
         g = (root @ root.transpose(0, 2, 1)).reshape(e, 6, 2, 6, 2)
@@ -239,21 +293,26 @@ class ElementBatch(NamedTuple):
         if axes == 2:
             return np.asarray(plane[:, :, :, None])
         blocks = np.zeros((e, 6, 6, 4, 3, 3))
-        blocks[..., 0, :2, :2], blocks[..., 0, 2, 2] = plane, laplace
+        blocks[..., 0, :2, :2] = plane
+        blocks[..., 0, 2, 2] = laplace
         a = np.einsum("eiaq,jq,eq->eija", self.gradients, phi, self.weights, optimize=True)
-        mass, transposed = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True), a.swapaxes(1, 2)
+        mass = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True)
+        transposed = a.swapaxes(1, 2)
         for axis, modulus in enumerate((mu, mu, lame + 2 * mu)):
             blocks[..., 1, axis, axis] = mass * modulus
         lame, mu = plate.lame(axes, 4)
-        blocks[..., 2, :2, 2], blocks[..., 2, 2, :2] = lame * a, mu * a
-        blocks[..., 3, :2, 2], blocks[..., 3, 2, :2] = mu * transposed, lame * transposed
+        blocks[..., 2, :2, 2] = lame * a
+        blocks[..., 2, 2, :2] = mu * a
+        blocks[..., 3, :2, 2] = mu * transposed
+        blocks[..., 3, 2, :2] = lame * transposed
         return blocks
 
 
 def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]:
     """Return all triangles in batches of `CHUNK`, with a quadrature rule of the given degree."""
     points, rule = quadrature(degree)
-    phi, batches = shape_functions(points)[0], []
+    phi = shape_functions(points)[0]
+    batches = []
     for start in range(0, len(mesh.triangles), CHUNK):
         part = mesh.triangles[start : start + CHUNK]
         slopes, determinant = gradients(mesh.nodes[part], points)
@@ -262,12 +321,14 @@ def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]
 
 
 def stress_tensor(plate: Plate, slopes: Array) -> Array:
-    """Stress (..., d, d, q), MPa, of displacement gradients `d_b u_a` (..., d, d, q): plane for d = 2, else solid.
+    """Stress (..., d, d, q), MPa, of displacement gradients `d_b u_a` (..., d, d, q): plane for d =
+    2, else solid.
 
     The gradients are (..., e, d, d, q) of a plate whose e triangles have different materials.
     """
     axes = range(slopes.shape[-2])
-    lame, mu = plate.lame(len(axes), 2)[0], plate.lame(len(axes), 4)[1]
+    lame = plate.lame(len(axes), 2)[0]
+    mu = plate.lame(len(axes), 4)[1]
     stress = mu * (slopes + np.swapaxes(slopes, -3, -2))
     trace = lame * sum(slopes[..., a, a, :] for a in axes)
     for a in axes:
@@ -280,19 +341,25 @@ def von_mises(stress: Array, ratio: float = 0.0, across: Array | float = 0.0) ->
 
     In the plane the stress zz is `ratio` (xx + yy) + `across`; in plane strain `ratio` is nu.
     """
-    xx, yy, shear = stress[..., 0, 0], stress[..., 1, 1], stress[..., 0, 1] ** 2
+    xx = stress[..., 0, 0]
+    yy = stress[..., 1, 1]
+    shear = stress[..., 0, 1] ** 2
     if stress.shape[-1] == 2:
         zz = ratio * (xx + yy) + across
     else:
-        zz, shear = stress[..., 2, 2], shear + stress[..., 0, 2] ** 2 + stress[..., 1, 2] ** 2
+        zz = stress[..., 2, 2]
+        shear = shear + stress[..., 0, 2] ** 2 + stress[..., 1, 2] ** 2
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * shear))
 
 
 class Pairs(NamedTuple):
-    """Pairs of nodes of the plane that share a triangle, row >= column, as a sparse pattern by rows.
+    """Pairs of nodes of the plane that share a triangle, row >= column, as a sparse pattern by
+    rows.
 
-    columns, starts : (p,) and (n + 1,), of the pattern, columns ascending: the last of a row is its diagonal.
-    chosen : (e, 6, 6), marks the blocks of the triangles, in the order of the batches, that belong to a pair.
+    columns, starts : (p,) and (n + 1,), of the pattern, columns ascending: the last of a row is its
+    diagonal.
+    chosen : (e, 6, 6), marks the blocks of the triangles, in the order of the batches, that belong
+    to a pair.
     number : (chosen,), pair of each of these blocks.
     """
 
@@ -303,32 +370,50 @@ class Pairs(NamedTuple):
 
 
 def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_array:
-    """Assemble the lower triangle of a symmetric matrix, whose unknowns are `Layers.free_components` of every node.
+    """Assemble the lower triangle of a symmetric matrix, whose unknowns are
+    `Layers.free_components` of every node.
 
-    blocks : (e, 6, 6, l, d, d), of the triangles in their order, coefficients of the matrices (l, m, m) of the line:
-        `int psi_k psi_l dz`, and for layers also those of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k psi_l`.
+    blocks : (e, 6, 6, l, d, d), of the triangles in their order, coefficients of the matrices (l,
+    m, m) of the line:
+        `int psi_k psi_l dz`, and for layers also those of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k
+        psi_l`.
     """
-    psi, slope, axes, free = line.values, line.slopes, line.axes, line.free_components
+    psi = line.values
+    slope = line.slopes
+    axes = line.axes
+    free = line.free_components
     products = [(psi, psi), (slope, slope), (psi, slope), (slope, psi)][: 1 if axes == 2 else 4]
     matrices = np.array([(left * line.weights) @ right.T for left, right in products])
-    first, at, parts = 0, 0, np.empty((len(matrices) * axes**2, len(pairs.number)))
+    first = 0
+    at = 0
+    parts = np.empty((len(matrices) * axes**2, len(pairs.number)))
     for block in blocks:
         chosen = pairs.chosen[first : first + len(block)]
-        found = block.reshape(chosen.size, -1)[np.flatnonzero(chosen)]  # four times faster than a mask
+        found = block.reshape(chosen.size, -1)[
+            np.flatnonzero(chosen)
+        ]  # four times faster than a mask
         parts[:, at : at + len(found)] = found.T
-        first, at = first + len(block), at + len(found)
+        first = first + len(block)
+        at = at + len(found)
     plane = np.array([np.bincount(pairs.number, part) for part in parts])
     del parts  # frees its memory
     node, axis = np.divmod(free, axes)  # of the unknowns of a node of the plane
-    i, j = np.nonzero(((psi != 0).astype(float) @ (psi != 0).T)[np.ix_(node, node)])  # their nodes share a layer
+    i, j = np.nonzero(
+        ((psi != 0).astype(float) @ (psi != 0).T)[np.ix_(node, node)]
+    )  # their nodes share a layer
     factors = np.zeros((len(matrices), axes, axes, len(i)))
     factors[:, axis[i], axis[j], np.arange(len(i))] = matrices[:, node[i], node[j]]
     values = plane.T @ factors.reshape(len(plane), -1)
     values[np.ix_(pairs.starts[1:] - 1, j > i)] = 0.0  # above the diagonal
-    count, size = len(pairs.starts) - 1, len(free)
-    rows = np.repeat(size * np.arange(count, dtype=np.int32), np.diff(pairs.starts))[:, None] + i.astype(np.int32)
+    count = len(pairs.starts) - 1
+    size = len(free)
+    rows = np.repeat(size * np.arange(count, dtype=np.int32), np.diff(pairs.starts))[
+        :, None
+    ] + i.astype(np.int32)
     columns = size * pairs.columns[:, None] + j.astype(np.int32)
-    lower = sp.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(size * count, size * count)).tocsr()
+    lower = sp.coo_array(
+        (values.ravel(), (rows.ravel(), columns.ravel())), shape=(size * count, size * count)
+    ).tocsr()
     lower.eliminate_zeros()
     return lower
 
@@ -342,15 +427,19 @@ def nodal_stress(
     strain: Callable[[Array], Array] | None = None,
     part: int | None = None,
 ) -> Array:
-    """Stress (..., c, 2, 2), MPa, at all or chosen nodes (c,) of fields (..., n, 2), mm, averaged over the elements.
+    """Stress (..., c, 2, 2), MPa, at all or chosen nodes (c,) of fields (..., n, 2), mm, averaged
+    over the elements.
 
-    With layers the stress is (..., c, m, 3, 3) and fields are (..., n, m, 3). `strain` is a function of displacement
-    gradients; by default it is their symmetric part. Of a plate with different materials, elements of the body `part`
-    alone count, whose nodes are chosen: the stress is not continuous between materials.
-    """
-    line, n = (layers or sheet(plate.thickness)).at_nodes, len(mesh.nodes)
-    m, d = len(line.heights), line.axes
-    chosen, near = np.arange(n) if chosen is None else chosen, np.zeros(n, dtype=bool)
+    With layers the stress is (..., c, m, 3, 3) and fields are (..., n, m, 3). `strain` is a
+    function of displacement gradients; by default it is their symmetric part. Of a plate with
+    different materials, elements of the body `part` alone count, whose nodes are chosen: the stress
+    is not continuous between materials."""
+    line = (layers or sheet(plate.thickness)).at_nodes
+    n = len(mesh.nodes)
+    m = len(line.heights)
+    d = line.axes
+    chosen = np.arange(n) if chosen is None else chosen
+    near = np.zeros(n, dtype=bool)
     near[chosen] = True
     adjoining = near[mesh.triangles].any(axis=1)
     if plate.mixed and part is not None:
@@ -358,21 +447,31 @@ def nodal_stress(
     numbers = np.flatnonzero(adjoining)
     triangles = mesh.triangles[numbers]
     flat = fields.reshape(-1, n, m * d)
-    k, total = len(flat), np.zeros((n, len(flat) * m * d * d))
+    k = len(flat)
+    total = np.zeros((n, len(flat) * m * d * d))
     for start in range(0, len(triangles), CACHED):
         some = slice(start, start + CACHED)
         own_nodes = triangles[some]
         batch = ElementBatch(
-            own_nodes, gradients(mesh.nodes[own_nodes], NODES)[0], np.empty((len(own_nodes), 0)), np.eye(6)
+            own_nodes,
+            gradients(mesh.nodes[own_nodes], NODES)[0],
+            np.empty((len(own_nodes), 0)),
+            np.eye(6),
         )
         slopes = batch.slopes(line, flat)
         material = plate.of(numbers[some])
-        stress = stress_tensor(material, slopes if strain is None else strain(slopes)).reshape(k, -1, d, d, 6, m)
+        stress = stress_tensor(material, slopes if strain is None else strain(slopes)).reshape(
+            k, -1, d, d, 6, m
+        )
         own, assembly = batch.assembly(n)
         total[own] += assembly @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(own_nodes.size, -1)
     adjacent = np.bincount(triangles.ravel(), minlength=n)[chosen]
     mean = np.moveaxis((total[chosen] / adjacent[:, None]).reshape(len(chosen), k, -1), 1, 0)
-    return np.asarray(mean.reshape(*fields.shape[: -2 if layers is None else -3], len(chosen), *[m] * (d == 3), d, d))
+    return np.asarray(
+        mean.reshape(
+            *fields.shape[: -2 if layers is None else -3], len(chosen), *[m] * (d == 3), d, d
+        )
+    )
 
 
 def part_stresses(
@@ -384,7 +483,8 @@ def part_stresses(
     layers: Layers | None = None,
     strain: Callable[[Array], Array] | None = None,
 ) -> list[Array]:
-    """Return the stress as `nodal_stress` at the nodes of each of several parts, whose `numbers` are those of `bodies`.
+    """Return the stress as `nodal_stress` at the nodes of each of several parts, whose `numbers`
+    are those of `bodies`.
 
     Of a plate of one material all adjoining elements count, otherwise those of the part alone.
     """
@@ -392,7 +492,9 @@ def part_stresses(
         return []
     if plate.mixed:
         pairs = zip(nodes_of, numbers, strict=True)
-        return [nodal_stress(mesh, plate, fields, nodes, layers, strain, part) for nodes, part in pairs]
+        return [
+            nodal_stress(mesh, plate, fields, nodes, layers, strain, part) for nodes, part in pairs
+        ]
     used = np.unique(np.concatenate(nodes_of))
     stress = nodal_stress(mesh, plate, fields, used, layers, strain)
     after = fields.ndim - (2 if layers is None else 3)

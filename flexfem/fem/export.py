@@ -22,15 +22,17 @@ FORMATS = (".msh", ".vtu", ".inp")
 
 
 def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
-    """Yield the Abaqus/CalculiX input deck of a stage, in N, mm, MPa and rad, with a linear step for each unit load.
+    """Yield the Abaqus/CalculiX input deck of a stage, in N, mm, MPa and rad, with a linear step
+    for each unit load.
 
-    The sets are `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the mesh has the number
-    k + 1; two more nodes at the platform centre carry the pose: x and y are the degrees of freedom 1 and 2 of the
-    first, theta, in rad, is the degree of freedom 1 of the second, where a moment in N mm acts as a force. Linear
-    equations tie the hub to them, `u = X - theta y`, `v = Y + theta x`, because a `*RIGID BODY` describes a large
-    rotation, which each program linearises differently.
-    """
-    centre, rotation = len(mesh.nodes) + 1, len(mesh.nodes) + 2
+    The sets are `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the
+    mesh has the number k + 1; two more nodes at the platform centre carry the pose: x and y are the
+    degrees of freedom 1 and 2 of the first, theta, in rad, is the degree of freedom 1 of the
+    second, where a moment in N mm acts as a force. Linear equations tie the hub to them, `u = X -
+    theta y`, `v = Y + theta x`, because a `*RIGID BODY` describes a large rotation, which each
+    program linearises differently."""
+    centre = len(mesh.nodes) + 1
+    rotation = len(mesh.nodes) + 2
     sets = {"ground": nodes_on(mesh, "ground"), "hub": nodes_on(mesh, "hub")}
     ties = list[str]()
     for node, (x, y) in zip((sets["hub"] + 1).tolist(), mesh.nodes[sets["hub"]], strict=True):
@@ -38,7 +40,11 @@ def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
         ties += ["*EQUATION", "3", f"{node}, 2, 1, {centre}, 2, -1, {rotation}, 1, {_field(-x)}"]
     pose = ["*NODE, NSET=platform", f"{centre}, 0, 0, 0", f"{rotation}, 0, 0, 0"]
     loads = (
-        [f"{centre}, 1, {_field(fx)}", f"{centre}, 2, {_field(fy)}", f"{rotation}, 1, {_field(moment)}"]
+        [
+            f"{centre}, 1, {_field(fx)}",
+            f"{centre}, 2, {_field(fy)}",
+            f"{rotation}, 1, {_field(moment)}",
+        ]
         for fx, fy, moment in np.eye(3)
     )
     return _lines(mesh, plate, "stage", sets, loads, pose, ties)
@@ -47,10 +53,15 @@ def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
 def _plate_deck(mesh: StageMesh, layout: Layout) -> Iterator[str]:
     """Yield the deck of a mechanism: a step for each unit load on its ports, as nodal forces."""
     loads = (
-        [f"{node + 1}, {axis + 1}, {_field(force[node, axis])}" for node, axis in np.argwhere(force)]
+        [
+            f"{node + 1}, {axis + 1}, {_field(force[node, axis])}"
+            for node, axis in np.argwhere(force)
+        ]
         for force in forces_on_ports(layout, mesh)
     )
-    yield from (f"** step {k}: unit load on {port.label}" for k, port in enumerate(layout.ports, start=1))
+    yield from (
+        f"** step {k}: unit load on {port.label}" for k, port in enumerate(layout.ports, start=1)
+    )
     plate = plate_of_layout(layout, mesh=mesh)
     yield from _lines(mesh, plate, "plate", {"ground": held_nodes(layout, mesh)}, loads)
 
@@ -64,12 +75,18 @@ def _lines(
     pose: Sequence[str] = (),
     ties: Sequence[str] = (),
 ) -> Iterator[str]:
-    """Yield the lines of a deck; `pose` defines the nodes `platform`, which `ties` connect to the mesh."""
+    """Yield the lines of a deck; `pose` defines the nodes `platform`, which `ties` connect to the
+    mesh.
+    """
     yield from ("*HEADING", f"flexure-hinge {name} by flexfem; N, mm, MPa, rad", "*NODE, NSET=all")
     yield from (f"{k}, {_field(x)}, {_field(y)}, 0" for k, (x, y) in enumerate(mesh.nodes, start=1))
     yield from pose
-    yield f"*ELEMENT, TYPE=CPS6, ELSET={name}"  # corners, then middles of the sides 12, 23, 31, as in the mesh
-    yield from (", ".join(map(str, (k, *row))) for k, row in enumerate((mesh.triangles + 1).tolist(), start=1))
+    # corners, then middles of the sides 12, 23, 31, as in the mesh
+    yield f"*ELEMENT, TYPE=CPS6, ELSET={name}"
+    yield from (
+        ", ".join(map(str, (k, *row)))
+        for k, row in enumerate((mesh.triangles + 1).tolist(), start=1)
+    )
     for group, nodes in sets.items():
         yield f"*NSET, NSET={group}"
         numbers = (nodes + 1).tolist()
@@ -85,7 +102,9 @@ def _lines(
 
 
 def _materials(plate: Plate, name: str) -> Iterator[str]:
-    """Yield the materials of a plate; those of parts with different ones have element sets by number."""
+    """Yield the materials of a plate; those of parts with different ones have element sets by
+    number.
+    """
     constants = np.reshape([plate.youngs_modulus, plate.poissons_ratio], (2, -1))
     values, number = np.unique(constants, axis=1, return_inverse=True)
     for k, (E, nu) in enumerate(values.T):
@@ -105,9 +124,11 @@ def _field(value: float) -> str:
 
 
 def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
-    """Write a mesh in the format of the file's extension, with the groups `stage`, `ground` and `hub`.
+    """Write a mesh in the format of the file's extension, with the groups `stage`, `ground` and
+    `hub`.
 
-    An Abaqus or CalculiX deck (.inp) also holds the plate, the clamps, the rigid hub and a step for each unit load.
+    An Abaqus or CalculiX deck (.inp) also holds the plate, the clamps, the rigid hub and a step for
+    each unit load.
 
     Raises BadInput for an extension that is not in `FORMATS`.
     """
@@ -118,23 +139,33 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
 
 
 def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
-    """Write the mesh of a mechanism in the format of the file's extension, with its bodies, hinges and clamped edges.
+    """Write the mesh of a mechanism in the format of the file's extension, with its bodies, hinges
+    and clamped edges.
 
-    An Abaqus or CalculiX deck (.inp) has the nodes of the ground, the plate, and a step for each unit load on a port.
-    """
-    names = [*(f"body {body.name}" for body in layout.bodies), *(f"hinge {joint.name}" for joint in layout.joints)]
-    cells = {name: ("triangle6", mesh.triangles[mesh.bodies == k]) for k, name in enumerate(_group_names(names))}
+    An Abaqus or CalculiX deck (.inp) has the nodes of the ground, the plate, and a step for each
+    unit load on a port."""
+    names = [
+        *(f"body {body.name}" for body in layout.bodies),
+        *(f"hinge {joint.name}" for joint in layout.joints),
+    ]
+    cells = {
+        name: ("triangle6", mesh.triangles[mesh.bodies == k])
+        for k, name in enumerate(_group_names(names))
+    }
     cells |= {name: ("line3", edges) for name, edges in mesh.edges.items() if name == "clamped"}
     _write(mesh, path, _plate_deck(mesh, layout), cells)
 
 
 def _group_names(names: Sequence[str]) -> list[str]:
-    """Return different names that a quoted string of .msh can hold: without quotes and backslashes, and short."""
+    """Return different names that a quoted string of .msh can hold: without quotes and backslashes,
+    and short.
+    """
     found = list[str]()
     for name in names:
         plain = name.translate({ord('"'): "'", ord("\\"): "/"})
         short = plain.encode()[:LONGEST_GROUP].decode(errors="ignore")
-        count, unique = 1, short
+        count = 1
+        unique = short
         while unique in found:
             count += 1
             unique = f"{short} {count}"
@@ -142,7 +173,9 @@ def _group_names(names: Sequence[str]) -> list[str]:
     return found
 
 
-def _write(mesh: StageMesh, path: Path, deck: Iterator[str], cells: Mapping[str, tuple[str, Index]]) -> None:
+def _write(
+    mesh: StageMesh, path: Path, deck: Iterator[str], cells: Mapping[str, tuple[str, Index]]
+) -> None:
     """Write the lines of `deck` as .inp, the mesh as .vtu, or its `cells` by group as .msh."""
     if path.suffix == ".inp":
         text = "\n".join(deck)
@@ -154,7 +187,10 @@ def _write(mesh: StageMesh, path: Path, deck: Iterator[str], cells: Mapping[str,
 
         tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(cells.values(), start=1)]
         axes = {"triangle6": 2, "line3": 1}
-        groups = {name: np.array([tag, axes[kind]]) for tag, (name, (kind, _)) in enumerate(cells.items(), 1)}
+        groups = {
+            name: np.array([tag, axes[kind]])
+            for tag, (name, (kind, _)) in enumerate(cells.items(), 1)
+        }
         physical = {"gmsh:physical": tags, "gmsh:geometrical": tags}
         points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
         grid = meshio.Mesh(points, list(cells.values()), cell_data=physical, field_data=groups)
@@ -166,29 +202,44 @@ def check_format(path: Path) -> None:
     """Raise BadInput when the extension of a file names no format."""
     if path.suffix not in FORMATS:
         extension = f"extension {path.suffix!r}" if path.suffix else "no extension"
-        raise BadInput(f"{path}: {extension}, expected a file name that ends in one of {', '.join(FORMATS)}")
+        raise BadInput(
+            f"{path}: {extension}, expected a file name that ends in one of {', '.join(FORMATS)}"
+        )
 
 
-def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array], heights: Array | None = None) -> None:
-    """Write the mesh with nodal fields (n, ...) as a VTK unstructured grid; 1 marks the nodes of `GROUPS`.
+def write_vtu(
+    mesh: StageMesh, path: Path, fields: dict[str, Array], heights: Array | None = None
+) -> None:
+    """Write the mesh with nodal fields (n, ...) as a VTK unstructured grid; 1 marks the nodes of
+    `GROUPS`.
 
-    heights : (m,), mm, node heights of layers of 18-node wedges, ends and middles; fields are then (n, m, ...).
-    """
+    heights : (m,), mm, node heights of layers of 18-node wedges, ends and middles; fields are then
+    (n, m, ...)."""
     import meshio
 
     z = np.zeros(1) if heights is None else heights
-    m, cells, bodies, kind = len(z), mesh.triangles, mesh.bodies, "triangle6"
+    m = len(z)
+    cells = mesh.triangles
+    bodies = mesh.bodies
+    kind = "triangle6"
     if heights is not None:
-        corners, middles, kind = m * mesh.triangles[:, :3], m * mesh.triangles[:, 3:], "wedge18"
+        corners = m * mesh.triangles[:, :3]
+        middles = m * mesh.triangles[:, 3:]
+        kind = "wedge18"
         order = ((corners, 0), (corners, 2), (middles, 0), (middles, 2), (corners, 1), (middles, 1))
-        layers = [np.hstack([nodes + k + level for nodes, level in order]) for k in range(0, m - 1, 2)]
-        cells, bodies = np.concatenate(layers), np.tile(mesh.bodies, len(layers))
+        layers = [
+            np.hstack([nodes + k + level for nodes, level in order]) for k in range(0, m - 1, 2)
+        ]
+        cells = np.concatenate(layers)
+        bodies = np.tile(mesh.bodies, len(layers))
     data = {}
     for name, field in fields.items():
         values = field.reshape(len(mesh.nodes) * m, *field.shape[1 if heights is None else 2 :])
         data[name] = np.pad(values, [(0, 0), (0, 1)]) if values.shape[1:] == (2,) else values
     for group in (name for name in GROUPS if name in mesh.edges):
-        data[group] = np.repeat(np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float), m)
+        data[group] = np.repeat(
+            np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float), m
+        )
     points = np.column_stack([np.repeat(mesh.nodes, m, axis=0), np.tile(z, len(mesh.nodes))])
     grid = meshio.Mesh(points, [(kind, cells)], data, {"body": [bodies]})
     with replacing(path) as temporary:

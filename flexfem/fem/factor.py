@@ -1,14 +1,17 @@
-"""Sparse Cholesky factorisation and static condensation: CHOLMOD of the cvxopt wheel when installed, else SuperLU.
+"""Sparse Cholesky factorisation and static condensation: CHOLMOD of the cvxopt wheel when
+installed, else SuperLU.
 
-Extruded meshes are factorised by PARDISO when it is installed, but condensed by CHOLMOD, which is as fast for sectors.
+Extruded meshes are factorised by PARDISO when it is installed, but condensed by CHOLMOD, which is
+as fast for sectors.
 
-Matrices are symmetric and given by their lower triangles, by rows in ascending order: the upper triangles by columns.
-The unknowns are those of the nodes of a plane mesh, equally many for each, and any others last. Nodes, not unknowns,
-are ordered for little fill: in extruded meshes this is faster and leaves less fill.
+Matrices are symmetric and given by their lower triangles, by rows in ascending order: the upper
+triangles by columns. The unknowns are those of the nodes of a plane mesh, equally many for each,
+and any others last. Nodes, not unknowns, are ordered for little fill: in extruded meshes this is
+faster and leaves less fill.
 
-A matrix is condensed onto its last unknowns, the boundary, by one factorisation `P K P' = L L'` with the boundary last
-in the elimination order: the trailing block of L gives the Schur complement `S = L_bb L_bb'`.
-"""
+A matrix is condensed onto its last unknowns, the boundary, by one factorisation `P K P' = L L'`
+with the boundary last in the elimination order: the trailing block of L gives the Schur complement
+`S = L_bb L_bb'`."""
 
 from __future__ import annotations
 
@@ -27,29 +30,47 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import ComputationFailed
 
-SINGULAR = "finite-element equations singular to working precision: a part is not supported, or a neck is too thin"
+SINGULAR = (
+    "finite-element equations singular to working precision: a part is not supported, or a neck "
+    "is too thin"
+)
 UNSTABLE = "tangent stiffness singular to working precision: a limit or bifurcation load"
-SUPERNODAL = 1, 1, 2, 1, 0  # is_ll, is_super, itype, xtype and dtype of a factor of dense blocks of real numbers
-WHOLE, FORWARD, BACKWARD, PERMUTE, RESTORE = 0, 4, 5, 7, 8  # CHOLMOD: K x = b, L x = b, L' x = b, x = P b, x = P' b
+SUPERNODAL = (
+    1,
+    1,
+    2,
+    1,
+    0,
+)  # is_ll, is_super, itype, xtype and dtype of a factor of dense blocks of real numbers
+WHOLE = 0
+FORWARD = 4
+BACKWARD = 5
+PERMUTE = 7
+RESTORE = 8  # CHOLMOD: K x = b, L x = b, L' x = b, x = P b, x = P' b
 
 Solve: TypeAlias = Callable[[Array], Array]
 """Function from right-hand sides b (m, k) to solutions x (m, k)."""
 
 
 def elimination_order(triangles: AnyArray, count: int) -> Index:
-    """Return the order of `count` nodes for little fill; other numbers in the triangles (e, 6) are no nodes.
+    """Return the order of `count` nodes for little fill; other numbers in the triangles (e, 6) are
+    no nodes.
 
-    The corners are in the order of approximate minimum degree in their own graph, and the middle of a side precedes
-    its ends. On a million unknowns this takes half the time of minimum degree for all nodes, with 6 % less fill.
-    """
+    The corners are in the order of approximate minimum degree in their own graph, and the middle of
+    a side precedes its ends. On a million unknowns this takes half the time of minimum degree for
+    all nodes, with 6 % less fill."""
     if find_spec("cvxopt") is None:
         return np.arange(count)
     nodes = np.where(triangles < count, triangles, -1)
     ends = nodes[:, :3]
     row, column = np.broadcast_arrays(ends[:, :, None], ends[:, None, :])
     met = (column >= 0) & (row >= column)
-    graph = sp.csr_array((np.ones(np.count_nonzero(met)), (row[met], column[met])), shape=(count, count))
-    place = np.append(np.argsort(_minimum_degree(graph)).astype(float), count)  # the last is that of no node
+    graph = sp.csr_array(
+        (np.ones(np.count_nonzero(met)), (row[met], column[met])), shape=(count, count)
+    )
+    place = np.append(
+        np.argsort(_minimum_degree(graph)).astype(float), count
+    )  # the last is that of no node
     place[nodes[:, 3:]] = np.minimum(place[ends], place[np.roll(ends, -1, axis=1)]) - 0.5
     return np.argsort(place[:count], kind="stable")
 
@@ -61,29 +82,44 @@ def _minimum_degree(lower: sp.csr_array) -> Index:
 
 
 def factorise(lower: sp.csr_array, order: Index | None = None, last: int = 0) -> Solve:
-    """Factorise a positive definite matrix; loads on the `last` unknowns alone need only a backward substitution.
+    """Factorise a positive definite matrix; loads on the `last` unknowns alone need only a backward
+    substitution.
 
     order : of the nodes; None computes that of the unknowns.
-    Raises ComputationFailed when the matrix is singular, or when a part is not connected to the last unknowns.
-    """
-    if order is not None and lower.shape[0] - last > 2 * len(order) and find_spec("pypardiso") is not None:
+    Raises ComputationFailed when the matrix is singular, or when a part is not connected to the
+    last unknowns."""
+    if (
+        order is not None
+        and lower.shape[0] - last > 2 * len(order)
+        and find_spec("pypardiso") is not None
+    ):
         with suppress(ImportError):  # without the library of MKL
             return pardiso(lower, order, last)  # extruded: in the plane CHOLMOD is as fast
     if find_spec("cvxopt") is None:
         return superlu(lower)
-    K, unknowns = _to_cvxopt(lower), _unknown_order(lower, order, last)
+    K = _to_cvxopt(lower)
+    unknowns = _unknown_order(lower, order, last)
     del lower  # frees its memory for the factor unless the caller holds it
     return _Cholesky(K, unknowns, last).solve
 
 
 def _to_cvxopt(lower: sp.csr_array) -> Any:
-    """Return the upper triangle, by the C API of cvxopt: its constructor from triplets takes ten times as long."""
+    """Return the upper triangle, by the C API of cvxopt: its constructor from triplets takes ten
+    times as long.
+    """
     from cvxopt import base
 
-    size, real = ctypes.c_ssize_t, 1
-    create = ctypes.cast(_content(base._C_API), ctypes.POINTER(ctypes.c_void_p))[4]  # SpMatrix_New in cvxopt.h
-    made = ctypes.PYFUNCTYPE(ctypes.py_object, size, size, size, ctypes.c_int)(create)(*lower.shape, lower.nnz, real)
-    (columns,) = _view(id(made) + object.__basicsize__, size, 1)  # address of its `ccs`: values, columns, rows
+    size = ctypes.c_ssize_t
+    real = 1
+    create = ctypes.cast(_content(base._C_API), ctypes.POINTER(ctypes.c_void_p))[
+        4
+    ]  # SpMatrix_New in cvxopt.h
+    made = ctypes.PYFUNCTYPE(ctypes.py_object, size, size, size, ctypes.c_int)(create)(
+        *lower.shape, lower.nnz, real
+    )
+    (columns,) = _view(
+        id(made) + object.__basicsize__, size, 1
+    )  # address of its `ccs`: values, columns, rows
     values, starts, rows = _view(columns, size, 3)
     _view(values, ctypes.c_double, lower.nnz)[:] = lower.data
     _view(starts, size, len(lower.indptr))[:] = lower.indptr
@@ -93,9 +129,12 @@ def _to_cvxopt(lower: sp.csr_array) -> Any:
 
 def _content(capsule: Any) -> Any:
     """Return the address that a capsule holds."""
-    name, pointer = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
-    name.restype, name.argtypes = ctypes.c_char_p, [ctypes.py_object]
-    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    name = ctypes.pythonapi.PyCapsule_GetName
+    pointer = ctypes.pythonapi.PyCapsule_GetPointer
+    name.restype = ctypes.c_char_p
+    name.argtypes = [ctypes.py_object]
+    pointer.restype = ctypes.c_void_p
+    pointer.argtypes = [ctypes.py_object, ctypes.c_char_p]
     return pointer(capsule, name(capsule))
 
 
@@ -105,11 +144,16 @@ def _view(address: int, kind: Any, length: int) -> AnyArray:
 
 
 def _unknown_order(lower: sp.csr_array, order: Index | None, last: int) -> Index:
-    """Order the unknowns: those of the nodes in their order, by default that of minimum degree, then the last ones."""
-    size, inner = lower.shape[0], lower.shape[0] - last
+    """Order the unknowns: those of the nodes in their order, by default that of minimum degree,
+    then the last ones.
+    """
+    size = lower.shape[0]
+    inner = lower.shape[0] - last
     order = _minimum_degree(lower[:inner, :inner]) if order is None else order
     block = inner // len(order)
-    return np.concatenate([(order[:, None] * block + np.arange(block)).ravel(), np.arange(inner, size)])
+    return np.concatenate(
+        [(order[:, None] * block + np.arange(block)).ravel(), np.arange(inner, size)]
+    )
 
 
 def _symbolic(K: Any, order: Index) -> Any:
@@ -143,18 +187,26 @@ def _solve(factor: Any, b: Array, kind: int) -> Array:
 
 
 def pardiso(lower: sp.csr_array, order: Index | None = None, last: int = 0) -> Solve:
-    """Factorise as `factorise` with PARDISO of MKL on all processors, in our order, else that of METIS."""
+    """Factorise as `factorise` with PARDISO of MKL on all processors, in our order, else that of
+    METIS.
+    """
     from pypardiso import PyPardisoSolver
     from pypardiso.pardiso_wrapper import PyPardisoError
 
-    size, ordered = lower.shape[0], find_spec("cvxopt") is not None
-    solver, unread = PyPardisoSolver(mtype=2, phase=12), sp.csr_array(lower.shape)  # definite; analysis and factor
+    size = lower.shape[0]
+    ordered = find_spec("cvxopt") is not None
+    solver = PyPardisoSolver(mtype=2, phase=12)
+    unread = sp.csr_array(lower.shape)  # definite; analysis and factor
 
     def solve(b: Array) -> Array:
         return np.asarray(solver._call_pardiso(unread, np.asfortranarray(b)))
 
     finalize(solve, solver.free_memory, everything=True)
-    for number, value in {1: 1, 2: 3, 5: int(ordered)}.items():  # own settings, METIS, a given order
+    for number, value in {
+        1: 1,
+        2: 3,
+        5: int(ordered),
+    }.items():  # own settings, METIS, a given order
         solver.set_iparm(number, value)
     if ordered:
         solver.perm = (_unknown_order(lower, order, last) + 1).astype(np.int32)
@@ -176,7 +228,9 @@ def superlu(lower: sp.csr_array) -> Solve:
 
     options = {"SymmetricMode": True}
     try:
-        factor = splu(_symmetric(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        factor = splu(
+            _symmetric(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+        )
     except RuntimeError:
         raise ComputationFailed(SINGULAR) from None
     return lambda b: np.asarray(factor.solve(b))
@@ -195,7 +249,8 @@ class Condensed(NamedTuple):
     """A matrix (m, m) condensed onto its last b unknowns, the boundary.
 
     schur : (b, b), Schur complement `S = K_bb - K_bi K_ii^-1 K_ib`.
-    reduced : loads (m, k) -> intermediate solution (m, k) for `expanded`, and condensed loads (b, k) on the boundary.
+    reduced : loads (m, k) -> intermediate solution (m, k) for `expanded`, and condensed loads (b,
+    k) on the boundary.
     expanded : intermediate solution (m, k), boundary unknowns (b, k) -> all unknowns (m, k).
     """
 
@@ -205,25 +260,40 @@ class Condensed(NamedTuple):
 
 
 class _Cholesky:
-    """Factorisation of a matrix by CHOLMOD with the last unknowns last, whose rows and columns of L are read."""
+    """Factorisation of a matrix by CHOLMOD with the last unknowns last, whose rows and columns of L
+    are read.
+    """
 
     def __init__(self, K: Any, order: Index, last: int) -> None:
-        size, self.inner = len(order), len(order) - last
+        size = len(order)
+        self.inner = len(order) - last
         self.factor = _cholmod_factor(K, _symbolic(K, order))
-        places = _solve(self.factor, np.arange(size, dtype=float)[:, None], PERMUTE)[self.inner :, 0]
+        places = _solve(self.factor, np.arange(size, dtype=float)[:, None], PERMUTE)[
+            self.inner :, 0
+        ]
         if not np.array_equal(places, np.arange(self.inner, size)):
-            raise ComputationFailed(SINGULAR)  # inner unknowns without connection to the last are not held
+            raise ComputationFailed(
+                SINGULAR
+            )  # inner unknowns without connection to the last are not held
         self.L = _trailing(self.factor, size, last)
 
     def solve(self, b: Array) -> Array:
-        """Solution of K x = b; loads on the last unknowns alone need only these rows of L and a substitution back."""
-        return _solve(self.factor, b, WHOLE) if b[: self.inner].any() else self.backward(self.forward(b))
+        """Solution of K x = b; loads on the last unknowns alone need only these rows of L and a
+        substitution back.
+        """
+        return (
+            _solve(self.factor, b, WHOLE)
+            if b[: self.inner].any()
+            else self.backward(self.forward(b))
+        )
 
     def forward(self, b: Array) -> Array:
         """Solution of L y = P b."""
         if b[: self.inner].any():
             return _solve(self.factor, _solve(self.factor, b, PERMUTE), FORWARD)
-        return np.concatenate([b[: self.inner], solve_triangular(self.L, b[self.inner :], lower=True)])
+        return np.concatenate(
+            [b[: self.inner], solve_triangular(self.L, b[self.inner :], lower=True)]
+        )
 
     def backward(self, y: Array) -> Array:
         """Solution of L' P x = y."""
@@ -231,13 +301,16 @@ class _Cholesky:
 
 
 def condense(lower: sp.csr_array, boundary: int, order: Index | None = None) -> Condensed:
-    """Condense a positive definite matrix onto its last unknowns, with an order of the nodes as in `factorise`.
+    """Condense a positive definite matrix onto its last unknowns, with an order of the nodes as in
+    `factorise`.
 
     Raises ComputationFailed when it is singular.
     """
     if find_spec("cvxopt") is None:
         return _by_solves(lower, boundary)
-    inner, K, unknowns = lower.shape[0] - boundary, _to_cvxopt(lower), _unknown_order(lower, order, boundary)
+    inner = lower.shape[0] - boundary
+    K = _to_cvxopt(lower)
+    unknowns = _unknown_order(lower, order, boundary)
     del lower  # frees its memory for the factor unless the caller holds it
     of = _Cholesky(K, unknowns, boundary)
     del K
@@ -255,9 +328,14 @@ def condense(lower: sp.csr_array, boundary: int, order: Index | None = None) -> 
 
 
 class _Factor(ctypes.Structure):
-    """The first fields of `cholmod_factor` in cholmod.h of CHOLMOD 3; they are checked before their use."""
+    """The first fields of `cholmod_factor` in cholmod.h of CHOLMOD 3; they are checked before their
+    use.
+    """
 
-    _sizes = "n minor Perm ColCount IPerm nzmax p i x z nz next prev nsuper ssize xsize maxcsize maxesize super pi px s"
+    _sizes = (
+        "n minor Perm ColCount IPerm nzmax p i x z nz next prev nsuper ssize xsize maxcsize "
+        "maxesize super pi px s"
+    )
     _kinds = "ordering is_ll is_super is_monotonic itype xtype dtype"
     _fields_ = (
         *((name, ctypes.c_size_t) for name in _sizes.split()),
@@ -268,19 +346,32 @@ class _Factor(ctypes.Structure):
 def _trailing(factor: Any, size: int, count: int) -> Array:
     """Return the last rows and columns (count, count) of L, read where CHOLMOD keeps them.
 
-    cvxopt copies all of L at once and spends the factor. Where the fields of a factor are not the expected ones, the
-    inverse of the block is found by substitution, which for many unknowns takes longer than the factorisation.
-    """
-    of, first, L = _Factor.from_address(_content(factor)), size - count, np.zeros((count, count))
-    if (of.n, of.minor, of.is_ll, of.is_super, of.itype, of.xtype, of.dtype) != (size, size, *SUPERNODAL):
+    cvxopt copies all of L at once and spends the factor. Where the fields of a factor are not the
+    expected ones, the inverse of the block is found by substitution, which for many unknowns takes
+    longer than the factorisation."""
+    of = _Factor.from_address(_content(factor))
+    first = size - count
+    L = np.zeros((count, count))
+    if (of.n, of.minor, of.is_ll, of.is_super, of.itype, of.xtype, of.dtype) != (
+        size,
+        size,
+        *SUPERNODAL,
+    ):
         for start in range(0, count, 64):
             columns = np.eye(size, min(64, count - start), -first - start)
             L[:, start : start + 64] = _solve(factor, columns, FORWARD)[first:]
         return np.asarray(np.linalg.inv(L))
-    at, rows_at, values_at = (_view(part, ctypes.c_int64, of.nsuper + 1) for part in (of.super, of.pi, of.px))
-    numbers, values = _view(of.s, ctypes.c_int64, of.ssize), _view(of.x, ctypes.c_double, of.xsize)
-    for j in range(np.searchsorted(at, first, side="right") - 1, of.nsuper):  # supernodes, dense by columns
-        rows, wide, skip = numbers[rows_at[j] : rows_at[j + 1]], at[j + 1] - at[j], max(first - at[j], 0)
+    at, rows_at, values_at = (
+        _view(part, ctypes.c_int64, of.nsuper + 1) for part in (of.super, of.pi, of.px)
+    )
+    numbers = _view(of.s, ctypes.c_int64, of.ssize)
+    values = _view(of.x, ctypes.c_double, of.xsize)
+    for j in range(
+        np.searchsorted(at, first, side="right") - 1, of.nsuper
+    ):  # supernodes, dense by columns
+        rows = numbers[rows_at[j] : rows_at[j + 1]]
+        wide = at[j + 1] - at[j]
+        skip = max(first - at[j], 0)
         dense = values[values_at[j] : values_at[j + 1]].reshape(wide, len(rows)).T
         L[rows[skip:] - first, at[j] + skip - first : at[j + 1] - first] = dense[skip:, skip:]
     return np.asarray(np.tril(L))
@@ -289,13 +380,16 @@ def _trailing(factor: Any, size: int, count: int) -> Array:
 def _by_solves(lower: sp.csr_array, boundary: int) -> Condensed:
     """Condense by a solve for every boundary unknown, with a factor of the inner unknowns alone."""
     inner = lower.shape[0] - boundary
-    coupling, K_bb = lower[inner:, :inner], lower[inner:, inner:].toarray()
+    coupling = lower[inner:, :inner]
+    K_bb = lower[inner:, inner:].toarray()
     solve = factorise(lower[:inner, :inner])
     schur = K_bb + np.tril(K_bb, -1).T - coupling @ solve(coupling.T.toarray())
 
     def reduced(loads: Array) -> tuple[Array, Array]:
         x = solve(loads[:inner])
-        return np.concatenate([x, np.zeros((boundary, loads.shape[1]))]), loads[inner:] - coupling @ x
+        return np.concatenate([x, np.zeros((boundary, loads.shape[1]))]), loads[
+            inner:
+        ] - coupling @ x
 
     def expanded(x: Array, edge: Array) -> Array:
         return np.concatenate([x[:inner] - solve(coupling.T @ edge), edge])
@@ -304,21 +398,27 @@ def _by_solves(lower: sp.csr_array, boundary: int) -> Condensed:
 
 
 class Factoriser:
-    """Factorise matrices, definite or not; successive matrices of one pattern share an elimination order (CHOLMOD).
+    """Factorise matrices, definite or not; successive matrices of one pattern share an elimination
+    order (CHOLMOD).
 
     Indefinite ones are factorised as `L D L'`, without exchange of rows.
     """
 
-    negative: int = 0  # number of negative pivots of the last matrix, which is that of its negative eigenvalues
+    negative: int = (
+        0  # number of negative pivots of the last matrix, which is that of its negative eigenvalues
+    )
     _pattern: tuple[Index, Index] | None = None
     _matrix: Any
     _symbolic: Any
 
     def __init__(self, order: Index | None = None, last: int = 0) -> None:
-        self._order, self._last = order, last
+        self._order = order
+        self._last = last
 
     def __call__(self, lower: sp.csr_array) -> Solve:
-        """Return the solver of a matrix, valid until the next call. Raises ComputationFailed for a singular matrix."""
+        """Return the solver of a matrix, valid until the next call. Raises ComputationFailed for a
+        singular matrix.
+        """
         from scipy.sparse.linalg import splu
 
         if find_spec("cvxopt") is not None:
@@ -328,7 +428,12 @@ class Factoriser:
                 return solve
         options = {"SymmetricMode": True}
         try:
-            factor = splu(_symmetric(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+            factor = splu(
+                _symmetric(lower),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options=options,
+            )
         except RuntimeError:
             raise ComputationFailed(UNSTABLE) from None
         self.negative = int(np.sum(factor.U.diagonal() < 0))

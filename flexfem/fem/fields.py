@@ -1,4 +1,6 @@
-"""Loads of stacks on a stage, and quantities of its fields: stress and wrenches at necks, stress at clamped edges."""
+"""Loads of stacks on a stage, and quantities of its fields: stress and wrenches at necks, stress at
+clamped edges.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,10 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation, turned
 from flexfem.mechanism.stage import Stage
 
-RIGID = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies count as rigid
+RIGID = (
+    1.0,
+    2.0,
+)  # distances from a base hinge, per radius, between which its two bodies count as rigid
 CORNER = 0.2  # share of a clamped edge excluded at both ends: stress at its corners is singular
 FORCE_QUADRATURE = 8  # degree for stack forces, whose density is not polynomial in a triangle
 LARGEST = 4_000_000  # stress components computed at once
@@ -35,56 +40,80 @@ def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
 
 def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
     """Largest nodal value (3 chains, 3 hinges) within a notch radius of each neck's centre."""
-    return np.array([[np.max(values[near]) for near in _near_necks(stage, mesh, chain)] for chain in range(3)])
+    return np.array(
+        [[np.max(values[near]) for near in _near_necks(stage, mesh, chain)] for chain in range(3)]
+    )
 
 
 def _near_necks(stage: Stage, mesh: StageMesh, chain: int) -> list[Index]:
     """Nodes within a notch radius of the centre of each neck of a chain; chains from 0."""
     notches = zip(stage_frames(stage).centres[chain], stage.array("radius")[chain], strict=True)
-    return [np.flatnonzero(np.hypot(*(mesh.nodes - centre).T) <= radius) for centre, radius in notches]
+    return [
+        np.flatnonzero(np.hypot(*(mesh.nodes - centre).T) <= radius) for centre, radius in notches
+    ]
 
 
 class NeckStress(NamedTuple):
-    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, and its distances from the mid-plane, mm."""
+    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, and its distances from the mid-plane,
+    mm.
+    """
 
     highest: Array
     height: Array
 
 
 def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
-    """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm; also over the thickness when extruded.
+    """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm; also over the
+    thickness when extruded.
 
     Stress is averaged at the nodes, and the largest within a notch radius of the neck is taken.
     """
-    ratio, heights = stage.layout.out_of_plane, response.structure.line.heights
-    each = [highest_stress(stress, turned, ratio) for turned, stress in _notches(stage, response, loads)]
+    ratio = stage.layout.out_of_plane
+    heights = response.structure.line.heights
+    each = [
+        highest_stress(stress, turned, ratio) for turned, stress in _notches(stage, response, loads)
+    ]
     by_height = np.reshape(each, (3, 3, len(loads), len(heights)))
-    highest, height = by_height.max(axis=-1), heights[by_height.argmax(axis=-1)]
+    highest = by_height.max(axis=-1)
+    height = heights[by_height.argmax(axis=-1)]
     return NeckStress(np.moveaxis(highest, 2, 0), np.moveaxis(height, 2, 0))
 
 
 def highest_stress(stress: Array, loads: Array, ratio: float) -> Array:
-    """Highest von Mises stress (n, m), MPa, at every height, under multiples (n, c) of cases of stress (c, p, ...)."""
-    parts, size = [], max(1, LARGEST // stress[0].size)
+    """Highest von Mises stress (n, m), MPa, at every height, under multiples (n, c) of cases of
+    stress (c, p, ...).
+    """
+    parts = []
+    size = max(1, LARGEST // stress[0].size)
     for start in range(0, max(1, len(loads)), size):
-        parts.append(von_mises(np.tensordot(loads[start : start + size], stress, axes=1), ratio).max(axis=1))
+        parts.append(
+            von_mises(np.tensordot(loads[start : start + size], stress, axes=1), ratio).max(axis=1)
+        )
     highest = np.concatenate(parts)
     return highest if highest.ndim == 2 else highest[:, None]
 
 
-def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[tuple[int, int], Array]]:
-    """Yield chain and hinge of every notch, from 0, and the stress, MPa, at its nodes under loads (k, 3).
+def notch_fields(
+    stage: Stage, response: Response, loads: Array
+) -> Iterator[tuple[tuple[int, int], Array]]:
+    """Yield chain and hinge of every notch, from 0, and the stress, MPa, at its nodes under loads
+    (k, 3).
 
-    The stress is (k, p, 2, 2); with layers (k, p, m, 3, 3). Its axes are those of chain 1 if one sector represents all.
-    """
+    The stress is (k, p, 2, 2); with layers (k, p, m, 3, 3). Its axes are those of chain 1 if one
+    sector represents all."""
     for number, (rotation, stress) in enumerate(_notches(stage, response, loads)):
         yield divmod(number, 3), np.tensordot(rotation, stress, axes=1)
 
 
 def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield loads (k, 3), turned to the chain that represents a notch, and the stresses of the cases at its nodes."""
-    cyclic, mesh = len(response.sectors) == 1, response.structure.mesh
-    near = [nodes for chain in range(1 if cyclic else 3) for nodes in _near_necks(stage, mesh, chain)]
+    """Yield loads (k, 3), turned to the chain that represents a notch, and the stresses of the
+    cases at its nodes.
+    """
+    cyclic = len(response.sectors) == 1
+    mesh = response.structure.mesh
+    near = [
+        nodes for chain in range(1 if cyclic else 3) for nodes in _near_necks(stage, mesh, chain)
+    ]
     stresses = replace(response, regions=tuple(near)).stresses
     for chain in range(3 if cyclic else 1):
         for stress in stresses:
@@ -92,11 +121,14 @@ def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[A
 
 
 def base_rotations(stage: Stage, response: Response) -> Array:
-    """Rotation (3 loads, 3 chains), rad, of link 1 relative to the pad at each base hinge, mid-plane, per unit load.
+    """Rotation (3 loads, 3 chains), rad, of link 1 relative to the pad at each base hinge,
+    mid-plane, per unit load.
 
-    A body rotates as the rigid motion that best fits its nodes from one to two notch radii from the neck centre.
-    """
-    mesh, fields, rows = response.structure.mesh, response.nodal, []
+    A body rotates as the rigid motion that best fits its nodes from one to two notch radii from the
+    neck centre."""
+    mesh = response.structure.mesh
+    fields = response.nodal
+    rows = []
     plane = fields if response.structure.layers is None else fields[:, :, 0, :2]
     for chain in range(1 if len(response.sectors) == 1 else 3):
         distance = np.hypot(*(mesh.nodes - stage_frames(stage).centres[chain, 0]).T)
@@ -106,7 +138,9 @@ def base_rotations(stage: Stage, response: Response) -> Array:
             chosen = np.unique(mesh.triangles[mesh.bodies == 4 * chain + BODIES.index(body)])
             chosen = chosen[(distance[chosen] >= RIGID[0]) & (distance[chosen] <= RIGID[1])]
             arm = mesh.nodes[chosen] - mesh.nodes[chosen].mean(axis=0)
-            rotations.append((plane[:, chosen, 1] @ arm[:, 0] - plane[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2))
+            rotations.append(
+                (plane[:, chosen, 1] @ arm[:, 0] - plane[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2)
+            )
         rows.append((rotations[1] - rotations[0])[:, None])
     return np.concatenate(chain_values(rows), axis=1)
 
@@ -117,7 +151,9 @@ def envelope(response: Response) -> float:
 
 
 def edge_maxima(mesh: StageMesh, values: Array) -> Array:
-    """Largest values (3 chains, ...) on each clamped edge of nodal values (n, ...), without `CORNER` at both ends."""
+    """Largest values (3 chains, ...) on each clamped edge of nodal values (n, ...), without
+    `CORNER` at both ends.
+    """
     maxima = []
     for nodes in clamped_nodes(mesh):
         x, y = mesh.nodes[nodes].T
@@ -128,18 +164,22 @@ def edge_maxima(mesh: StageMesh, values: Array) -> Array:
 
 
 def largest_within(places: Array, values: Array, low: float, high: float) -> Array:
-    """Largest of values (n, ...), given at `places` (n,) and linear in between, from `low` to `high`."""
+    """Largest of values (n, ...), given at `places` (n,) and linear in between, from `low` to
+    `high`.
+    """
     from scipy.interpolate import make_interp_spline
 
     order = np.argsort(places)
-    places, values = places[order], values[order]
+    places = places[order]
+    values = values[order]
     inside = (places > low) & (places < high)
     ends = make_interp_spline(places, values, k=1)([low, high])
     return np.asarray(np.max(np.concatenate([values[inside], ends]), axis=0))
 
 
 def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> Response:
-    """Solve for unit loads on the hub and for one newton of each of n stacks, with the ground clamped.
+    """Solve for unit loads on the hub and for one newton of each of n stacks, with the ground
+    clamped.
 
     The compliance (3 + n, 3 + n) is that of the pose and of the openings of the stacks.
     """
@@ -148,8 +188,11 @@ def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> R
 
 
 def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
-    """Return the unit loads (unknowns, 3 + n) of the three directions of the platform and of the stacks."""
-    nodal, hub = np.zeros((3 + len(stacks), *structure.mesh.nodes.shape)), np.eye(3, 3 + len(stacks))
+    """Return the unit loads (unknowns, 3 + n) of the three directions of the platform and of the
+    stacks.
+    """
+    nodal = np.zeros((3 + len(stacks), *structure.mesh.nodes.shape))
+    hub = np.eye(3, 3 + len(stacks))
     for j, stack in enumerate(stacks, start=3):
         for push in stack.pushes:
             if push.station is not None:
@@ -162,7 +205,9 @@ def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
 
 
 def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
-    """Return nodal forces (n, 2), N, of one newton of a stack on a link of a chain (from 0), with its exact wrench."""
+    """Return nodal forces (n, 2), N, of one newton of a stack on a link of a chain (from 0), with
+    its exact wrench.
+    """
     assert push.station is not None
     link = _body_mesh(mesh, 4 * chain + push.body)
     forces = np.zeros((3, *mesh.nodes.shape))
@@ -174,14 +219,17 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
         for force, values in zip(forces, nodal, strict=True):
             np.add.at(force, batch.triangles, values)
     resultants = resultants_of(turned(mesh.nodes, -chain * CHAIN_TURN), forces)
-    return turned(np.tensordot(np.linalg.solve(resultants, push.wrench), forces, axes=1), chain * CHAIN_TURN)
+    return turned(
+        np.tensordot(np.linalg.solve(resultants, push.wrench), forces, axes=1), chain * CHAIN_TURN
+    )
 
 
 def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
-    """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck, about the platform centre.
+    """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck, about the
+    platform centre.
 
-    N and N mm, for fields (k, n, 2), mm; they sum the nodal forces at the neck of the triangles of the base-side body.
-    """
+    N and N mm, for fields (k, n, 2), mm; they sum the nodal forces at the neck of the triangles of
+    the base-side body."""
     wrenches = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
     for chain in range(3):
         for hinge, name in enumerate(HINGE_NAMES):

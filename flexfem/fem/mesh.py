@@ -1,4 +1,6 @@
-"""Meshes of curved quadratic triangles, their checks, and sectors of three chains welded into one mesh."""
+"""Meshes of curved quadratic triangles, their checks, and sectors of three chains welded into one
+mesh.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +20,27 @@ if TYPE_CHECKING:
     from flexfem.fem.mesher import NamedArrays
 
 RESOLUTION = 8  # triangles across every neck
-SOLID_RESOLUTION, LAYERS = 6, 3  # the same in three dimensions, and layers in half the thickness: within 0.1 %
+SOLID_RESOLUTION = 6
+LAYERS = 3  # the same in three dimensions, and layers in half the thickness: within 0.1 %
 MOST_TRIANGLES = 1_000_000
 LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean
-AREA_ERROR = 1e-3  # parabolas for arcs cause up to 1.4e-4, in sectors with two triangles across a neck
-SAME_PLACE = 1e-6  # mm; tolerance of nodes of two sectors on their common cut, and of centres of arcs
+AREA_ERROR = (
+    1e-3  # parabolas for arcs cause up to 1.4e-4, in sectors with two triangles across a neck
+)
+SAME_PLACE = (
+    1e-6  # mm; tolerance of nodes of two sectors on their common cut, and of centres of arcs
+)
 SIDES = ("left", "right", "bottom", "top")
-NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])  # on the reference triangle
+NODES = np.array(
+    [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
+)  # on the reference triangle
 
 
 @cache
 def quadrature(degree: int) -> tuple[Array, Array]:
-    """Points (q, 2) on the reference triangle and positive weights (q,) of a rule exact for polynomials of a degree."""
+    """Points (q, 2) on the reference triangle and positive weights (q,) of a rule exact for
+    polynomials of a degree.
+    """
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefTri
 
@@ -48,12 +59,15 @@ def _shape_functions(points: bytes) -> tuple[Array, Array]:
     """As `shape_functions`, for the few sets of points that elements use."""
     from skfem import ElementTriP2
 
-    basis = [ElementTriP2().lbasis(np.frombuffer(points).reshape(-1, 2).T, node) for node in range(6)]
+    basis = [
+        ElementTriP2().lbasis(np.frombuffer(points).reshape(-1, 2).T, node) for node in range(6)
+    ]
     return np.array([value for value, _ in basis]), np.array([slope for _, slope in basis])
 
 
 def gradients(nodes: Array, points: Array) -> tuple[Array, Array]:
-    """Gradients (e, 6 nodes, 2, q), 1/mm, of the shape functions, and Jacobian determinants (e, q), mm^2.
+    """Gradients (e, 6 nodes, 2, q), 1/mm, of the shape functions, and Jacobian determinants (e, q),
+    mm^2.
 
     nodes : (e, 6, 2), mm, of the triangles.   points : (q, 2), on the reference triangle.
     """
@@ -61,15 +75,23 @@ def gradients(nodes: Array, points: Array) -> tuple[Array, Array]:
     (xa, xb), (ya, yb) = _jacobian(nodes, slope)
     determinant = xa * yb - xb * ya
     gradient = np.empty((len(nodes), 6, 2, len(points)))
-    for axis, (a, b) in enumerate([(yb, -ya), (-xb, xa)]):  # d xi_a / dx and d xi_b / dx, then dy, times determinant
-        gradient[:, :, axis] = (a / determinant)[:, None] * slope[:, 0] + (b / determinant)[:, None] * slope[:, 1]
+    for axis, (a, b) in enumerate(
+        [(yb, -ya), (-xb, xa)]
+    ):  # d xi_a / dx and d xi_b / dx, then dy, times determinant
+        gradient[:, :, axis] = (a / determinant)[:, None] * slope[:, 0] + (b / determinant)[
+            :, None
+        ] * slope[:, 1]
     return gradient, determinant
 
 
 def _jacobian(nodes: Array, slope: Array) -> Array:
     """Derivatives (2 of x and y, 2 by xi, e, q), mm, of the map from the reference triangle."""
-    relative = nodes - nodes[:, :1]  # exact, so that small triangles far from the origin lose no digits
-    J = (relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, slope.shape[-1])
+    relative = (
+        nodes - nodes[:, :1]
+    )  # exact, so that small triangles far from the origin lose no digits
+    J = (relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(
+        -1, 2, 2, slope.shape[-1]
+    )
     return J.transpose(1, 2, 0, 3)
 
 
@@ -91,8 +113,10 @@ class StageMesh(NamedTuple):
 
     nodes : (n, 2), mm.
     triangles : (m, 6), corners counter-clockwise, then the middles of the sides 01, 12, 20.
-    bodies : (m,), 4 * chain + body, chains from 0, bodies in the order pad, link 1, link 2, platform.
-    edges : {label: (k, 3)} ends then middle of the edges on `ground` (clamped), `hub` (rigid) and the narrowest
+    bodies : (m,), 4 * chain + body, chains from 0, bodies in the order pad, link 1, link 2,
+    platform.
+    edges : {label: (k, 3)} ends then middle of the edges on `ground` (clamped), `hub` (rigid) and
+    the narrowest
         section of every hinge, labelled `neck 1 base` and so on.
     """
 
@@ -108,11 +132,14 @@ def nodes_on(mesh: StageMesh, label: str) -> Index:
 
 
 def ordered(mesh: StageMesh) -> tuple[StageMesh, Index]:
-    """Return the mesh with nodes in scikit-fem order, corners, then middles by facet, and the new node indices."""
+    """Return the mesh with nodes in scikit-fem order, corners, then middles by facet, and the new
+    node indices.
+    """
     from skfem import MeshTri1
 
     corners, numbers = np.unique(mesh.triangles[:, :3], return_inverse=True)
-    p, t = np.ascontiguousarray(mesh.nodes[corners].T), np.ascontiguousarray(numbers.reshape(-1, 3).T)
+    p = np.ascontiguousarray(mesh.nodes[corners].T)
+    t = np.ascontiguousarray(numbers.reshape(-1, 3).T)
     skeleton = MeshTri1(p, t, sort_t=False)
     middles = np.empty(skeleton.facets.shape[1], dtype=np.int64)
     middles[skeleton.t2f] = mesh.triangles[:, 3:].T
@@ -133,34 +160,49 @@ def check_count(triangles: float, subject: str) -> None:
     """Raise TooManyTriangles."""
     if triangles > MOST_TRIANGLES:
         remedy = "a coarser resolution or thicker necks are needed"
-        raise TooManyTriangles(f"{subject} {triangles:.3g} triangles, expected at most {MOST_TRIANGLES:.2g}: {remedy}")
+        raise TooManyTriangles(
+            f"{subject} {triangles:.3g} triangles, expected at most {MOST_TRIANGLES:.2g}: {remedy}"
+        )
 
 
 def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
-    """Raise ComputationFailed unless the mesh has the drawn area, mm^2, the expected pieces, and good triangles."""
+    """Raise ComputationFailed unless the mesh has the drawn area, mm^2, the expected pieces, and
+    good triangles.
+    """
     n = len(mesh.nodes)
     check_count(len(mesh.triangles), "mesh of")
     if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
         raise ComputationFailed("mesh has nodes that belong to no triangle")
     corners = mesh.triangles[:, [0, 1, 2, 0]]
-    links = sp.coo_array((np.ones(3 * len(corners)), (corners[:, :3].ravel(), corners[:, 1:].ravel())), shape=(n, n))
+    links = sp.coo_array(
+        (np.ones(3 * len(corners)), (corners[:, :3].ravel(), corners[:, 1:].ravel())), shape=(n, n)
+    )
     pieces = len(np.unique(connected_components(links, directed=False)[1][corners]))
     if pieces != expected:
-        raise ComputationFailed(f"mesh is in {pieces} pieces, expected {expected}: a neck is severed")
+        raise ComputationFailed(
+            f"mesh is in {pieces} pieces, expected {expected}: a neck is severed"
+        )
     determinants = jacobians(mesh)
     meshed = float(np.sum(determinants[:, -1]) / 2)
     if abs(meshed / drawn - 1) > AREA_ERROR:
-        raise ComputationFailed(f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} within {100 * AREA_ERROR:g} %")
+        raise ComputationFailed(
+            f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} within {100 * AREA_ERROR:g} %"
+        )
     quality = scaled_jacobians(determinants)
     if quality.min() < LEAST_JACOBIAN:
         x, y = mesh.nodes[mesh.triangles[np.argmin(quality), :3]].mean(axis=0)
-        bad = f"a scaled Jacobian of {quality.min():.3g} near ({x:.6g}, {y:.6g}) mm, expected > {LEAST_JACOBIAN:g}"
+        bad = (
+            f"a scaled Jacobian of {quality.min():.3g} near ({x:.6g}, {y:.6g}) mm, expected > "
+            f"{LEAST_JACOBIAN:g}"
+        )
         text = f"mesh has {bad}: do two corners of an outline nearly coincide there?"
         raise PoorTriangles(text, mesh.nodes[mesh.triangles[quality < LEAST_JACOBIAN, :3]])
 
 
 def jacobians(mesh: StageMesh) -> Array:
-    """Jacobian determinants (m, 7), mm^2, at the six nodes of each triangle, then their mean over it."""
+    """Jacobian determinants (m, 7), mm^2, at the six nodes of each triangle, then their mean over
+    it.
+    """
     (xa, xb), (ya, yb) = _jacobian(mesh.nodes[mesh.triangles], shape_functions(NODES)[1])
     determinants = xa * yb - xb * ya
     mean = determinants[:, 3:].mean(axis=1)  # exact for the quadratic determinant
@@ -168,18 +210,23 @@ def jacobians(mesh: StageMesh) -> Array:
 
 
 def scaled_jacobians(determinants: Array) -> Array:
-    """Smallest ratio (m,) of a determinant of `jacobians` to the mean of its triangle: 1 straight, 0 degenerate."""
+    """Smallest ratio (m,) of a determinant of `jacobians` to the mean of its triangle: 1 straight,
+    0 degenerate.
+    """
     return np.asarray(np.min(determinants[:, :6] / determinants[:, 6:], axis=1))
 
 
 def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> StageMesh:
-    """Map a grid of the unit square, with two quadratic triangles per cell, including the middle nodes.
+    """Map a grid of the unit square, with two quadratic triangles per cell, including the middle
+    nodes.
 
     place : u, v (...) in 0..1 to points (..., 2), mm, with positive Jacobian determinant.
         The edges are labelled `left` (u = 0), `right` (u = 1), `bottom` (v = 0) and `top` (v = 1).
     """
     number = np.arange((2 * columns + 1) * (2 * rows + 1)).reshape(2 * rows + 1, 2 * columns + 1)
-    v, u = np.meshgrid(np.linspace(0, 1, 2 * rows + 1), np.linspace(0, 1, 2 * columns + 1), indexing="ij")
+    v, u = np.meshgrid(
+        np.linspace(0, 1, 2 * rows + 1), np.linspace(0, 1, 2 * columns + 1), indexing="ij"
+    )
     nodes = np.asarray(place(u, v)).reshape(-1, 2)
 
     def at(row: int, column: int) -> Index:
@@ -190,16 +237,20 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
     upper = [at(0, 0), at(2, 2), at(2, 0), at(1, 1), at(2, 1), at(1, 0)]
     triangles = np.concatenate([np.stack(lower, axis=-1), np.stack(upper, axis=-1)])
     lines = (number[:, 0], number[:, -1], number[0], number[-1])
-    edges = {side: np.stack([n[:-1:2], n[2::2], n[1::2]], axis=-1) for side, n in zip(SIDES, lines, strict=True)}
+    edges = {
+        side: np.stack([n[:-1:2], n[2::2], n[1::2]], axis=-1)
+        for side, n in zip(SIDES, lines, strict=True)
+    }
     return ordered(StageMesh(nodes, triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
 
 
 class Sector(NamedTuple):
     """Mesh of one chain and its sector of the platform, in the frame of chain 1.
 
-    mesh : bodies 0 to 3; edges on `ground`, `hub`, `cut ahead`, `cut behind` and, for each hinge, `neck base` etc.
-    behind, ahead : (k,), nodes on the cuts by radius, except the hub's; ahead is behind rotated by 120 degrees.
-    """
+    mesh : bodies 0 to 3; edges on `ground`, `hub`, `cut ahead`, `cut behind` and, for each hinge,
+    `neck base` etc.
+    behind, ahead : (k,), nodes on the cuts by radius, except the hub's; ahead is behind rotated by
+    120 degrees."""
 
     mesh: StageMesh
     behind: Index
@@ -207,32 +258,45 @@ class Sector(NamedTuple):
 
 
 def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """Return the whole mesh of one or three sectors and, for each chain, the indices of its sector nodes in it."""
+    """Return the whole mesh of one or three sectors and, for each chain, the indices of its sector
+    nodes in it.
+    """
     mesh, sector_nodes = joined(sectors)
     mesh, new = ordered(mesh)
     return mesh, [new[numbers] for numbers in sector_nodes]
 
 
 def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """Join sectors as `welded`, but keep the order of nodes; `cut ahead` of a chain is `cut behind` of the next."""
+    """Join sectors as `welded`, but keep the order of nodes; `cut ahead` of a chain is `cut behind`
+    of the next.
+    """
     parts = [sector.mesh for sector in (sectors if len(sectors) == 3 else sectors * 3)]
     first = np.concatenate([[0], np.cumsum([len(part.nodes) for part in parts])])
     number = np.arange(first[-1])
     for chain, part in enumerate(parts):
-        ahead, following = by_radius(part.nodes, part.edges["cut ahead"]), parts[(chain + 1) % 3]
+        ahead = by_radius(part.nodes, part.edges["cut ahead"])
+        following = parts[(chain + 1) % 3]
         behind = by_radius(following.nodes, following.edges["cut behind"])
         number[first[chain] + ahead] = first[(chain + 1) % 3] + behind
     kept, number = np.unique(number, return_inverse=True)
     sector_nodes = [number[first[chain] : first[chain + 1]] for chain in range(3)]
-    nodes = np.concatenate([turned(part.nodes, chain * CHAIN_TURN) for chain, part in enumerate(parts)])[kept]
+    nodes = np.concatenate(
+        [turned(part.nodes, chain * CHAIN_TURN) for chain, part in enumerate(parts)]
+    )[kept]
     edges: dict[str, list[Index]] = {}
     for chain, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True)):
         for label, edge in part.edges.items():
             if not label.startswith("cut"):
-                edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(numbers[edge])
-    triangles = np.concatenate([numbers[part.triangles] for part, numbers in zip(parts, sector_nodes, strict=True)])
+                edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(
+                    numbers[edge]
+                )
+    triangles = np.concatenate(
+        [numbers[part.triangles] for part, numbers in zip(parts, sector_nodes, strict=True)]
+    )
     bodies = np.concatenate([4 * chain + part.bodies for chain, part in enumerate(parts)])
-    return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), sector_nodes
+    return StageMesh(
+        nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}
+    ), sector_nodes
 
 
 def mesh_of(arrays: NamedArrays) -> StageMesh:

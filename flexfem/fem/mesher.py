@@ -1,8 +1,9 @@
-"""gmsh in separate processes, which can hang or crash without affecting flexfem; the only module that imports it.
+"""gmsh in separate processes, which can hang or crash without affecting flexfem; the only module
+that imports it.
 
-A process serves one list of requests, such as `Sectors`, after the other, since starting it takes longer than most
-meshes: `main` reads pickled requests from standard input and writes pickled results to standard output.
-"""
+A process serves one list of requests, such as `Sectors`, after the other, since starting it takes
+longer than most meshes: `main` reads pickled requests from standard input and writes pickled
+results to standard output."""
 
 from __future__ import annotations
 
@@ -34,17 +35,21 @@ from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command
 
 SAME_POINT = 1e-7  # mm; each face computes the points that it shares with others
-TRIANGLE, EDGE = (9, 6), (8, 3)  # gmsh types of quadratic elements and their nodes
+TRIANGLE = (9, 6)
+EDGE = (8, 3)  # gmsh types of quadratic elements and their nodes
 CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
 SECTION_ERROR = 2e-5  # mm; the same for a solid that another program wrote
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
-DIVIDING = "dividing"  # label of lines between sectors, or halves, of parts that a symmetry takes into themselves
+# label of lines between sectors, or halves, of parts that a symmetry takes into themselves
+DIVIDING = "dividing"
 SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
 PERPENDICULAR = 1e-5  # most cosine between the normals of a plate and of a face perpendicular to it
 SOLID_NAME = re.compile(rb"MANIFOLD_SOLID_BREP\s*\(\s*'((?:[^']|'')*)'")
 MOST_DIRECTIONS = 30  # of plane faces that may be the sides of a plate
 POLL = 0.25  # s between two polls of a process
-LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
+LONGEST_GAP = (
+    1.0  # s between two polls; a longer gap means that this process or the machine was suspended
+)
 MOST_MEMORY = 6_000_000_000  # bytes, while a solid of another program is read
 MOST_KEPT = 10_000_000  # bytes of meshes; after a larger result the process ends to free its memory
 OPTIONS = {
@@ -52,7 +57,8 @@ OPTIONS = {
     "General.Verbosity": 2,
     "General.Terminal": 0,  # a worker shares the terminal
     "Mesh.Algorithm": 6,  # Frontal-Delaunay
-    "Geometry.ToleranceBoolean": 1e-6,  # mm; ends of hinges may lie this far from their bodies, by rounded coordinates
+    # mm; ends of hinges may lie this far from their bodies, by rounded coordinates
+    "Geometry.ToleranceBoolean": 1e-6,
     "Mesh.LcIntegrationPrecision": 1e-2,
     "Mesh.Smoothing": 0,  # it takes half the time without improving the compliance
     "Mesh.MeshSizeExtendFromBoundary": 0,  # cones alone: a tenth fewer triangles, better shaped
@@ -70,7 +76,9 @@ LIBRARIES = {
 
 
 class Grading(NamedTuple):
-    """Triangle size, mm: `size` within `radius` of points, linear up to `largest` at `radius` + `reach`."""
+    """Triangle size, mm: `size` within `radius` of points, linear up to `largest` at `radius` +
+    `reach`.
+    """
 
     points: Sequence[complex]
     radius: float
@@ -102,9 +110,11 @@ class Region(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A line or arc to be followed by triangle edges, inside or on the boundary of the union of regions.
+    """A line or arc to be followed by triangle edges, inside or on the boundary of the union of
+    regions.
 
-    region : index of the region at it: of both sides, or of the side that no line before belongs to; None for a line
+    region : index of the region at it: of both sides, or of the side that no line before belongs
+    to; None for a line
         through regions that other lines belong to.
     """
 
@@ -114,10 +124,12 @@ class Line(NamedTuple):
 
 
 class PlateMesh(NamedTuple):
-    """Regions, the lines that separate them, and the triangle sizes of their mesh, as in `FaceMesh`.
+    """Regions, the lines that separate them, and the triangle sizes of their mesh, as in
+    `FaceMesh`.
 
     largest : triangle size, mm, in each region, far from the points of `gradings`.
-    moves : rotations, or a mirror image, that take faces and curves into each other; the mesh of one is moved to the
+    moves : rotations, or a mirror image, that take faces and curves into each other; the mesh of
+    one is moved to the
         others.
     algorithm : of gmsh, 6 for Frontal-Delaunay, 5 for Delaunay.
     """
@@ -158,10 +170,13 @@ class SolidSection(NamedTuple):
 class FoundSection(NamedTuple):
     """A solid as a plate; mm.
 
-    contours : closed loops, as of `contours_of`.   names : of all solids of the file, the largest first.
-    chosen : index of the solid in `names`, -1 when none has the name or number; then there are no contours.
+    contours : closed loops, as of `contours_of`.   names : of all solids of the file, the largest
+    first.
+    chosen : index of the solid in `names`, -1 when none has the name or number; then there are no
+    contours.
     solid, plate : volumes, mm^3, of the solid and of the contours times the thickness.
-    other : by kind, number and total area, mm^2, of faces that are not perpendicular to the plate and not on its sides.
+    other : by kind, number and total area, mm^2, of faces that are not perpendicular to the plate
+    and not on its sides.
     exact : whether every curve is a line or a circular arc.
     """
 
@@ -185,7 +200,11 @@ def require_gmsh() -> None:
         import gmsh  # noqa: F401
     except OSError as error:
         missing = [package for library, package in LIBRARIES.items() if not _loads(library)]
-        remedy = f"on Debian: apt-get install {' '.join(missing)}" if missing else "a system library is missing"
+        remedy = (
+            f"on Debian: apt-get install {' '.join(missing)}"
+            if missing
+            else "a system library is missing"
+        )
         sys.exit(f"gmsh cannot be loaded ({error}); {remedy}")
 
 
@@ -213,14 +232,20 @@ def gmsh_session() -> Iterator[Any]:
 
 
 def _draw_faces(kernel: Any, faces: list[Face]) -> tuple[list[tuple[str, int]], list[list[int]]]:
-    """Draw every point and curve once; return the curves with labels other than `free` and the faces.
+    """Draw every point and curve once; return the curves with labels other than `free` and the
+    faces.
 
-    A segment with coincident ends is omitted; a curve that a face traverses backwards has a negative tag in its loop.
-    """
+    A segment with coincident ends is omitted; a curve that a face traverses backwards has a
+    negative tag in its loop."""
     ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
-    first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1)  # first end at the same point
-    points, drawn, labelled = dict[int, int](), dict[tuple[int, int], int](), list[tuple[str, int]]()
-    indices, loops = iter(first.reshape(ends.shape).tolist()), list[int]()
+    first = np.argmax(
+        np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1
+    )  # first end at the same point
+    points = dict[int, int]()
+    drawn = dict[tuple[int, int], int]()
+    labelled = list[tuple[str, int]]()
+    indices = iter(first.reshape(ends.shape).tolist())
+    loops = list[int]()
     for face in faces:
         tags = []
         for segment, label in zip(face.loop, face.labels, strict=True):
@@ -239,13 +264,24 @@ def _draw_faces(kernel: Any, faces: list[Face]) -> tuple[list[tuple[str, int]], 
 
 
 def mesh_faces(job: FaceMesh) -> NamedArrays:
-    """Mesh faces with quadratic triangles, conforming along the curves they share; return arrays as `_meshed`."""
+    """Mesh faces with quadratic triangles, conforming along the curves they share; return arrays as
+    `_meshed`.
+    """
     with gmsh_session() as gmsh:
         curves, faces = _draw_faces(gmsh.model.geo, job.faces)
         gmsh.model.geo.synchronize()
         field = gmsh.model.mesh.field
         balls = [
-            _field(field, "Ball", XCenter=z.real, YCenter=z.imag, Radius=r, VIn=size, VOut=largest, Thickness=reach)
+            _field(
+                field,
+                "Ball",
+                XCenter=z.real,
+                YCenter=z.imag,
+                Radius=r,
+                VIn=size,
+                VOut=largest,
+                Thickness=reach,
+            )
             for points, r, size, largest, reach in job.gradings
             for z in points
         ]
@@ -260,7 +296,11 @@ def _field(field: Any, kind: str, **values: float) -> int:
 
 
 def _meshed(
-    mesh: Any, divisions: dict[str, int], sizes: list[int], curves: list[tuple[str, int]], faces: list[list[int]]
+    mesh: Any,
+    divisions: dict[str, int],
+    sizes: list[int],
+    curves: list[tuple[str, int]],
+    faces: list[list[int]],
 ) -> NamedArrays:
     """Mesh what is drawn, with the minimum over the fields of `sizes` as triangle size.
 
@@ -268,9 +308,8 @@ def _meshed(
 
     Returns
     -------
-    nodes (n, 2) in mm; triangles (m, 6) as in `mesh.StageMesh`, regions (m,) index of each triangle's region; edges
-    (k, 3) of the curves, edge_labels (k,) text.
-    """
+    nodes (n, 2) in mm; triangles (m, 6) as in `mesh.StageMesh`, regions (m,) index of each
+    triangle's region; edges (k, 3) of the curves, edge_labels (k,) text."""
     pieces = Counter(label for label, _ in curves)
     for label, tag in curves:
         if label in divisions:
@@ -291,7 +330,8 @@ def _meshed(
     used = np.isin(tags, triangles)  # without centres of arcs and points that set sizes
     index = np.full(int(tags.max()) + 1, -1)
     index[tags[used]] = np.arange(np.count_nonzero(used))
-    nodes, triangles = xyz.reshape(-1, 3)[used, :2], index[triangles]
+    nodes = xyz.reshape(-1, 3)[used, :2]
+    triangles = index[triangles]
     first, second, third = (nodes[triangles[:, :3]] @ [1, 1j]).T
     clockwise = ((second - first).conj() * (third - first)).imag < 0  # in copied meshes
     triangles[clockwise] = triangles[clockwise][:, [0, 2, 1, 5, 4, 3]]
@@ -309,14 +349,18 @@ def write_plate(solid: PlateSolid) -> NamedArrays:
 
     Returns
     -------
-    volumes (n,), mm^3, of the n solids in the file, exact mass properties; box (2, 3), mm, lowest and highest corner.
-    """
+    volumes (n,), mm^3, of the n solids in the file, exact mass properties; box (2, 3), mm, lowest
+    and highest corner."""
     with gmsh_session() as gmsh:
         kernel = gmsh.model.occ
         kernel.extrude(_union(kernel, solid.regions), 0.0, 0.0, solid.thickness)
         kernel.synchronize()
-        corners = {tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)}
-        kernel.remove([(0, tag) for _, tag in kernel.getEntities(0) if tag not in corners])  # centres of the arcs
+        corners = {
+            tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)
+        }
+        kernel.remove(
+            [(0, tag) for _, tag in kernel.getEntities(0) if tag not in corners]
+        )  # centres of the arcs
         kernel.synchronize()
         gmsh.write(solid.path)
         gmsh.clear()
@@ -337,11 +381,19 @@ def _draw_region(kernel: Any, region: Region) -> list[tuple[int, int]]:
 
 def _draw_loop(kernel: Any, loop: Sequence[Curve]) -> int:
     """Draw a closed loop of curves, each of which begins where the one before it ends."""
-    ends = [(curve.points[0], curve.points[-1]) if isinstance(curve, Bezier) else curve[:2] for curve in loop]
+    ends = [
+        (curve.points[0], curve.points[-1]) if isinstance(curve, Bezier) else curve[:2]
+        for curve in loop
+    ]
     if len(loop) == 1 and isinstance(circle := loop[0], Segment) and circle.centre is not None:
-        centre, spoke = circle.centre, circle.start - circle.centre
+        centre = circle.centre
+        spoke = circle.start - circle.centre
         axes = {"zAxis": [0.0, 0.0, 1.0], "xAxis": [spoke.real, spoke.imag, 0.0]}
-        return int(kernel.addCurveLoop([kernel.addCircle(centre.real, centre.imag, 0.0, abs(spoke), **axes)]))
+        return int(
+            kernel.addCurveLoop(
+                [kernel.addCircle(centre.real, centre.imag, 0.0, abs(spoke), **axes)]
+            )
+        )
     long = [abs(end - start) > SAME_POINT for start, end in ends]
     corners = [_point(kernel, start) for (start, _), keep in zip(ends, long, strict=True) if keep]
     curves = [curve for curve, keep in zip(loop, long, strict=True) if keep]
@@ -377,7 +429,8 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
     Returns arrays as `_meshed`, and areas (regions,), mm^2, exact.
     """
     with gmsh_session() as gmsh:
-        kernel, field = gmsh.model.occ, gmsh.model.mesh.field
+        kernel = gmsh.model.occ
+        field = gmsh.model.mesh.field
         gmsh.option.setNumber("Mesh.Algorithm", job.algorithm)
         curves, faces = _divide(gmsh.model, job)
         points = [[_point(kernel, z) for z in grading.points] for grading in job.gradings]
@@ -398,20 +451,34 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
 
 
 def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[list[int]]]:
-    """Divide the union of the regions along the lines; return labelled curves and the faces of each region.
+    """Divide the union of the regions along the lines; return labelled curves and the faces of each
+    region.
 
-    Regions are united first, since a hinge may be tangent to the side at which it meets a body: no triangle edge
-    follows this side.
-    """
-    kernel, lined = model.occ, {line.region for line in job.lines}
-    united = _union(kernel, [region for index, region in enumerate(job.regions) if index in lined]) if lined else []
-    alone = {index: _draw_region(kernel, each) for index, each in enumerate(job.regions) if index not in lined}
+    Regions are united first, since a hinge may be tangent to the side at which it meets a body: no
+    triangle edge follows this side."""
+    kernel = model.occ
+    lined = {line.region for line in job.lines}
+    united = (
+        _union(kernel, [region for index, region in enumerate(job.regions) if index in lined])
+        if lined
+        else []
+    )
+    alone = {
+        index: _draw_region(kernel, each)
+        for index, each in enumerate(job.regions)
+        if index not in lined
+    }
     drawn = [*united, *(face for each in alone.values() for face in each)]
-    tools = [(1, _draw_curve(kernel, c, _point(kernel, c.start), _point(kernel, c.end))) for _, c, _ in job.lines]
+    tools = [
+        (1, _draw_curve(kernel, c, _point(kernel, c.start), _point(kernel, c.end)))
+        for _, c, _ in job.lines
+    ]
     pieces = kernel.fragment(drawn, tools)[1]
     kernel.synchronize()
     owner = dict[int, int]()
-    for index, found in zip((i for i, each in alone.items() for _ in each), pieces[len(united) :], strict=False):
+    for index, found in zip(
+        (i for i, each in alone.items() for _ in each), pieces[len(united) :], strict=False
+    ):
         owner.update((tag, index) for _, tag in found)
     curves = list[tuple[str, int]]()
     for line, found in zip(job.lines, pieces[len(drawn) :], strict=True):
@@ -427,17 +494,22 @@ def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[lis
             curves.append((line.label, tag))
     if len(owner) != len(model.getEntities(2)):
         raise ValueError("a part of the plate is connected to nothing")
-    return curves, [[tag for tag, region in owner.items() if region == index] for index in range(len(job.regions))]
+    return curves, [
+        [tag for tag, region in owner.items() if region == index]
+        for index in range(len(job.regions))
+    ]
 
 
 def _repeat(model: Any, moves: Sequence[Move]) -> None:
     """Let meshes of faces and curves be copied from those that the moves take to them.
 
-    Each curve but one of those alike is a copy of this one, which is a copy of nothing: as a side of a copied face it
-    could be one of its own copies.
-    """
+    Each curve but one of those alike is a copy of this one, which is a copy of nothing: as a side
+    of a copied face it could be one of its own copies."""
     for dim in (2, 1):
-        middles = {tag: complex(*model.occ.getCenterOfMass(dim, tag)[:2]) for _, tag in model.getEntities(dim)}
+        middles = {
+            tag: complex(*model.occ.getCenterOfMass(dim, tag)[:2])
+            for _, tag in model.getEntities(dim)
+        }
         sizes = {tag: float(model.occ.getMass(dim, tag)) for tag in middles}
         while middles:
             first, middle = next(iter(middles.items()))
@@ -445,10 +517,14 @@ def _repeat(model: Any, moves: Sequence[Move]) -> None:
             for move in (*[Move()] * (dim == 1), *moves):
                 place = move(middle)
                 near = (tag for tag, at in middles.items() if abs(at - place) < SAME_PART)
-                image = next((tag for tag in near if math.isclose(sizes[tag], sizes[first], rel_tol=1e-6)), first)
+                image = next(
+                    (tag for tag in near if math.isclose(sizes[tag], sizes[first], rel_tol=1e-6)),
+                    first,
+                )
                 if image not in done or move == Move():
                     affine = np.eye(4)
-                    affine[:2, :2], affine[:2, 3] = move.of_twists[:2, :2], (move.shift.real, move.shift.imag)
+                    affine[:2, :2] = move.of_twists[:2, :2]
+                    affine[:2, 3] = (move.shift.real, move.shift.imag)
                     model.mesh.setPeriodic(dim, [image], [first], affine.ravel())
                     done.add(image)
             middles = {tag: at for tag, at in middles.items() if tag not in done}
@@ -457,22 +533,30 @@ def _repeat(model: Any, moves: Sequence[Move]) -> None:
 def contours_of(job: PlateContours) -> list[list[Segment]]:
     """Return the boundary of the union of regions as closed loops of lines and arcs.
 
-    They are counter-clockwise, around holes clockwise. Those of a connected part follow each other, the outer first.
-    """
+    They are counter-clockwise, around holes clockwise. Those of a connected part follow each other,
+    the outer first."""
     with gmsh_session() as gmsh:
         union = _union(gmsh.model.occ, job.regions)
         gmsh.model.occ.synchronize()
         return _contours(gmsh.model, union)
 
 
-def _contours(model: Any, faces: Sequence[tuple[int, int]], most: float = CURVE_ERROR) -> list[list[Segment]]:
-    """Return the contours of plane faces, as `contours_of`, arcs within `most`, mm, of other curves."""
+def _contours(
+    model: Any, faces: Sequence[tuple[int, int]], most: float = CURVE_ERROR
+) -> list[list[Segment]]:
+    """Return the contours of plane faces, as `contours_of`, arcs within `most`, mm, of other
+    curves.
+    """
     contours = list[list[Segment]]()
     for _, face in faces:
         loops = list[list[Segment]]()
         for tags in model.occ.getCurveLoops(face)[1]:
-            ends = {int(t): model.getBoundary([(1, int(t))], combined=False, oriented=False) for t in tags}
-            at, loop = ends[int(tags[0])][0], list[Segment]()
+            ends = {
+                int(t): model.getBoundary([(1, int(t))], combined=False, oriented=False)
+                for t in tags
+            }
+            at = ends[int(tags[0])][0]
+            loop = list[Segment]()
             while ends:
                 tag = next(t for t, pair in ends.items() if at in pair)
                 first, *last = ends.pop(tag)
@@ -481,7 +565,9 @@ def _contours(model: Any, faces: Sequence[tuple[int, int]], most: float = CURVE_
                 at = last[0] if forwards and last else first
             loops.append(loop)
         loops.sort(key=lambda loop: -abs(area(loop)))
-        contours += [loop if (area(loop) > 0) == (k == 0) else reverse(loop) for k, loop in enumerate(loops)]
+        contours += [
+            loop if (area(loop) > 0) == (k == 0) else reverse(loop) for k, loop in enumerate(loops)
+        ]
     return contours
 
 
@@ -494,18 +580,25 @@ def _arcs(model: Any, tag: int, most: float) -> list[Segment]:
         return np.asarray(x + 1j * y)
 
     shares = np.linspace(0, 1, 9)
-    points, slopes = at(shares), at(shares, model.getDerivative)
+    points = at(shares)
+    slopes = at(shares, model.getDerivative)
     if np.ptp(slopes.real) + np.ptp(slopes.imag) < SAME_POINT:
         return [Segment(*points[[0, -1]].tolist())]
     for spokes in (1j * slopes, -1j * slopes):  # of a circle, whose parameter is the angle
         centre = np.mean(points + spokes)
         if np.max(np.abs(points + spokes - centre)) < SAME_POINT:
             n = int(np.ceil((high - low) / LONGEST_TURN))
-            return [Segment(a, b, complex(centre)) for a, b in pairwise(at(np.arange(n + 1) / n).tolist())]
-    n, error = 4, np.inf
+            return [
+                Segment(a, b, complex(centre))
+                for a, b in pairwise(at(np.arange(n + 1) / n).tolist())
+            ]
+    n = 4
+    error = np.inf
     while error > most and n < 1000:
         points = at(np.arange(4 * n + 1) / (4 * n))
-        a, u, v = points[:-1:4], points[2::4] - points[:-1:4], points[4::4] - points[:-1:4]
+        a = points[:-1:4]
+        u = points[2::4] - points[:-1:4]
+        v = points[4::4] - points[:-1:4]
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = (np.conj(u) * v).imag
             centres = a + 0.5j * (u * np.abs(v) ** 2 - v * np.abs(u) ** 2) / turn
@@ -514,16 +607,18 @@ def _arcs(model: Any, tag: int, most: float) -> list[Segment]:
         round_ = np.abs(np.abs(off - centres) - np.abs(a - centres))
         error = float(np.max(np.where(straight, np.abs(((off - a) / v).imag * np.abs(v)), round_)))
         n *= 2
-    curved = [None if line else centre for line, centre in zip(straight, centres.tolist(), strict=True)]
+    curved = [
+        None if line else centre for line, centre in zip(straight, centres.tolist(), strict=True)
+    ]
     return list(map(Segment, a.tolist(), points[4::4].tolist(), curved))
 
 
 def section_of(job: SolidSection) -> FoundSection:
     """Cut one solid of a STEP file half way between its two sides.
 
-    The plate is perpendicular to the direction along which most of the surface is parallel or perpendicular to it, of
-    equal ones the direction of the smallest thickness. Its two sides are the plane faces across it with most area.
-    """
+    The plate is perpendicular to the direction along which most of the surface is parallel or
+    perpendicular to it, of equal ones the direction of the smallest thickness. Its two sides are
+    the plane faces across it with most area."""
     with _limited_memory(), gmsh_session() as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
@@ -539,10 +634,15 @@ def section_of(job: SolidSection) -> FoundSection:
         solid = (3, solids[chosen])
         kernel.remove([(3, tag) for tag in solids if tag != solid[1]], recursive=True)
         kernel.synchronize()
-        faces = [_SolidFace.of(gmsh.model, tag) for _, tag in gmsh.model.getBoundary([solid], oriented=False)]
+        faces = [
+            _SolidFace.of(gmsh.model, tag)
+            for _, tag in gmsh.model.getBoundary([solid], oriented=False)
+        ]
         sides = _sides(faces)
         if sides is None:
-            return FoundSection([], names, chosen, solid=kernel.getMass(*solid), other=_counted_faces(faces))
+            return FoundSection(
+                [], names, chosen, solid=kernel.getMass(*solid), other=_counted_faces(faces)
+            )
         _lay_flat(kernel, solid, sides)
         volume = kernel.getMass(*solid)
         low, high = np.reshape(kernel.getBoundingBox(*solid), (2, 3))
@@ -560,7 +660,9 @@ def section_of(job: SolidSection) -> FoundSection:
 
 @contextmanager
 def _limited_memory() -> Iterator[None]:
-    """Limit the memory of this process to `MOST_MEMORY`, where the system can: files of others may ask for any."""
+    """Limit the memory of this process to `MOST_MEMORY`, where the system can: files of others may
+    ask for any.
+    """
     try:
         import resource
     except ImportError:
@@ -576,7 +678,9 @@ def _limited_memory() -> Iterator[None]:
 
 
 def _names_of_solids(model: Any, solids: Sequence[int], path: str) -> list[str]:
-    """Return the names of solids in the order of the file: of their products, else of the solids themselves."""
+    """Return the names of solids in the order of the file: of their products, else of the solids
+    themselves.
+    """
     names = [model.getEntityName(3, tag).rpartition("/")[2] for tag in solids]
     if not any(names):
         found = SOLID_NAME.findall(Path(path).read_bytes())
@@ -594,7 +698,9 @@ def _chosen(part: int | str, names: Sequence[str]) -> int:
 
 
 class _SolidFace(NamedTuple):
-    """A face of a solid: its kind, area, mm^2, unit normals (n, 3) at points of it, and one point (3,), mm."""
+    """A face of a solid: its kind, area, mm^2, unit normals (n, 3) at points of it, and one point
+    (3,), mm.
+    """
 
     kind: str
     area: float
@@ -635,10 +741,13 @@ def _sides(faces: Sequence[_SolidFace]) -> _Sides | None:
     directions = list[AnyArray]()
     for face in planes:
         normal = face.normals[0]
-        if len(directions) < MOST_DIRECTIONS and all(abs(normal @ other) < 1 - 1e-9 for other in directions):
+        if len(directions) < MOST_DIRECTIONS and all(
+            abs(normal @ other) < 1 - 1e-9 for other in directions
+        ):
             directions.append(normal)
     whole = sum(face.area for face in faces)
-    best, best_score = None, (-1.0, 0.0)
+    best = None
+    best_score = (-1.0, 0.0)
     for normal in directions:
         normal = normal * math.copysign(1.0, normal[np.argmax(np.abs(normal))])
         at = dict[float, float]()
@@ -653,14 +762,18 @@ def _sides(faces: Sequence[_SolidFace]) -> _Sides | None:
         share = sum(face.area for face in faces if _fits(face, sides)) / whole
         score = (round(share, 6), sides.low - sides.high)
         if score > best_score:
-            best, best_score = sides, score
+            best = sides
+            best_score = score
     return best
 
 
 def _lay_flat(kernel: Any, solid: tuple[int, int], sides: _Sides) -> None:
-    """Turn a plate so that its normal points along z, by the smallest angle, and move its middle to z = 0."""
+    """Turn a plate so that its normal points along z, by the smallest angle, and move its middle to
+    z = 0.
+    """
     axis = np.cross(sides.normal, (0.0, 0.0, 1.0))
-    sine, cosine = float(np.linalg.norm(axis)), float(sides.normal[2])
+    sine = float(np.linalg.norm(axis))
+    cosine = float(sides.normal[2])
     if sine > 1e-12:
         kernel.rotate([solid], 0, 0, 0, *(axis / sine), math.atan2(sine, cosine))
     kernel.translate([solid], 0, 0, -(sides.low + sides.high) / 2)
@@ -692,14 +805,18 @@ def main() -> None:
             requests = pickle.load(sys.stdin.buffer)
             try:
                 results = [serve[type(request)](request) for request in requests]
-            except Exception as error:  # gmsh raises bare Exception; the parent turns this into one line
+            except (
+                Exception
+            ) as error:  # gmsh raises bare Exception; the parent turns this into one line
                 sys.exit(f"gmsh: {' '.join(str(error).split())}")
             pickle.dump(results, output)
             output.flush()
 
 
 class Limit:
-    """Seconds `left` for a sequence of tasks; of a gap between two polls at most `LONGEST_GAP` counts."""
+    """Seconds `left` for a sequence of tasks; of a gap between two polls at most `LONGEST_GAP`
+    counts.
+    """
 
     def __init__(self, seconds: float) -> None:
         self.left = seconds
@@ -710,7 +827,8 @@ class Limit:
 
     def update(self) -> None:
         """Subtract the time since the last poll."""
-        before, self._last = self._last, time.monotonic()
+        before = self._last
+        self._last = time.monotonic()
         self.left -= min(self._last - before, LONGEST_GAP)
 
 
@@ -732,11 +850,21 @@ def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[Any
         _idle.pop().end()
     process = _idle.pop() if _idle else _Process()
     try:
-        results = process.run(list(requests), time_limit if isinstance(time_limit, Limit) else Limit(time_limit))
+        results = process.run(
+            list(requests), time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
+        )
     except BaseException:  # Ctrl-C too: a late result would be taken for that of the next request
         process.end()
         raise
-    if sum(array.nbytes for result in results if isinstance(result, dict) for array in result.values()) > MOST_KEPT:
+    if (
+        sum(
+            array.nbytes
+            for result in results
+            if isinstance(result, dict)
+            for array in result.values()
+        )
+        > MOST_KEPT
+    ):
         process.end()
     else:
         _idle.append(process)
@@ -748,7 +876,9 @@ class _Process:
 
     def __init__(self) -> None:
         self._stderr = TemporaryFile()  # noqa: SIM115  open as long as the process
-        self._child = Popen(child_command("flexfem.fem.mesher"), stdin=PIPE, stdout=PIPE, stderr=self._stderr)
+        self._child = Popen(
+            child_command("flexfem.fem.mesher"), stdin=PIPE, stdout=PIPE, stderr=self._stderr
+        )
 
     @property
     def alive(self) -> bool:
@@ -758,7 +888,8 @@ class _Process:
         """Serve requests as `run_jobs`; time during which flexfem is suspended does not count."""
         self._request = pickle.dumps(requests)
         received = list[list[Any]]()
-        exchange, allowed = Thread(target=self._exchange, args=(received,), daemon=True), limit.left
+        exchange = Thread(target=self._exchange, args=(received,), daemon=True)
+        allowed = limit.left
         exchange.start()
         limit.start()
         while exchange.is_alive():
@@ -771,7 +902,9 @@ class _Process:
         return received[0]
 
     def _exchange(self, received: list[list[Any]]) -> None:
-        """Send the requests and append the results, in a thread; append nothing when the process ends early."""
+        """Send the requests and append the results, in a thread; append nothing when the process
+        ends early.
+        """
         assert self._child.stdin and self._child.stdout
         with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
             self._child.stdin.write(self._request)

@@ -1,9 +1,10 @@
-"""Natural frequencies and mode shapes: consistent mass, rigid hub with payload, stacks; plane or extruded.
+"""Natural frequencies and mode shapes: consistent mass, rigid hub with payload, stacks; plane or
+extruded.
 
-K is factorised once; ARPACK iterates with its inverse, and the frequencies are Rayleigh quotients of its modes, with
-the strain energy from displacement differences within elements. Of three identical sectors one is condensed onto its
-cuts, and the modes are those of harmonic 0 and, in pairs of one frequency, those of harmonic 1.
-"""
+K is factorised once; ARPACK iterates with its inverse, and the frequencies are Rayleigh quotients
+of its modes, with the strain energy from displacement differences within elements. Of three
+identical sectors one is condensed onto its cuts, and the modes are those of harmonic 0 and, in
+pairs of one frequency, those of harmonic 1."""
 
 from __future__ import annotations
 
@@ -25,13 +26,18 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import LinearOperator
 
 MISMATCH = 1e-5  # relative difference between eigenvalues of ARPACK and Rayleigh quotients
-BASIS = 30  # vectors of ARPACK; with 20, plates with many leaf springs take half as many solutions more
+BASIS = (
+    30  # vectors of ARPACK; with 20, plates with many leaf springs take half as many solutions more
+)
 TOLERANCE = 1e-11  # of eigenvalues, relative
-DEGENERATE = 1e-6  # relative difference of squared frequencies equal by symmetry: far above round-off
+DEGENERATE = (
+    1e-6  # relative difference of squared frequencies equal by symmetry: far above round-off
+)
 
 
 class VibratingStructure(NamedTuple):
-    """A structure with its mass and factorised stiffness; `space.solve` includes the stiffness of the stacks.
+    """A structure with its mass and factorised stiffness; `space.solve` includes the stiffness of
+    the stacks.
 
     stack_loads : (size, n), for one newton of each engaged stack.   stack_stiffness : (n,), N/mm.
     """
@@ -47,11 +53,14 @@ class VibratingStructure(NamedTuple):
 
 
 class Modes(NamedTuple):
-    """Natural frequencies (k,), rad/s, ascending, and modes of unit modal mass, mm and rad per root of a tonne mm^2.
+    """Natural frequencies (k,), rad/s, ascending, and modes of unit modal mass, mm and rad per root
+    of a tonne mm^2.
 
     shapes : (size, k), unknowns of the whole.
-    participation : (k, 3), factors of base motions along the pose: squares are the effective modal masses.
-    total : (3, 3), tonne, tonne mm, tonne mm^2, mass matrix of the whole as one rigid body, with clamped faces.
+    participation : (k, 3), factors of base motions along the pose: squares are the effective modal
+    masses.
+    total : (3, 3), tonne, tonne mm, tonne mm^2, mass matrix of the whole as one rigid body, with
+    clamped faces.
     structure : the whole.
     """
 
@@ -72,14 +81,20 @@ class Modes(NamedTuple):
         return self.structure.layers
 
     def field(self, number: int) -> Array:
-        """Displacements (n, 2) of all nodes of `mesh` in a mode, numbered from 0; with layers (n, m, 3)."""
+        """Displacements (n, 2) of all nodes of `mesh` in a mode, numbered from 0; with layers (n,
+        m, 3).
+        """
         return np.asarray(self.structure.fields(self.shapes[:, number : number + 1])[0])
 
 
 def vibrating_structure(
-    mass: Mass, stack_loads: Array | None = None, stack_stiffness: Array | None = None, space: Space | None = None
+    mass: Mass,
+    stack_loads: Array | None = None,
+    stack_stiffness: Array | None = None,
+    space: Space | None = None,
 ) -> VibratingStructure:
-    """Factorise the stiffness of a structure with engaged stacks, unless a `space` of motions is given.
+    """Factorise the stiffness of a structure with engaged stacks, unless a `space` of motions is
+    given.
 
     stack_loads, stack_stiffness : of engaged stacks, (size, n) and (n,), N/mm.
     Raises ComputationFailed when the stiffness is singular: a part is not held.
@@ -91,7 +106,9 @@ def vibrating_structure(
 
 
 def _with_stacks(solve: Solve, P: Array, k: Array) -> Solve:
-    """Return the inverse of `K + P k P'` (Woodbury): `K^-1 - X (1 + k P' X)^-1 k X'` with `X = K^-1 P`."""
+    """Return the inverse of `K + P k P'` (Woodbury): `K^-1 - X (1 + k P' X)^-1 k X'` with `X = K^-1
+    P`.
+    """
     if not np.any(k):
         return solve
     X = solve(P)
@@ -100,14 +117,21 @@ def _with_stacks(solve: Solve, P: Array, k: Array) -> Solve:
 
 
 def modes(vibrating: VibratingStructure, count: int) -> Modes:
-    """Return the lowest `count` modes, by ascending frequency. Raises ComputationFailed when they do not converge."""
+    """Return the lowest `count` modes, by ascending frequency. Raises ComputationFailed when they
+    do not converge.
+    """
     return _ordered_modes(*_ritz(vibrating.space, vibrating, count), vibrating.mass, count)
 
 
 def modes_of_tangent(
-    mass: Mass, solve: Solve, count: int, stack_loads: Array | None = None, stack_stiffness: Array | None = None
+    mass: Mass,
+    solve: Solve,
+    count: int,
+    stack_loads: Array | None = None,
+    stack_stiffness: Array | None = None,
 ) -> Modes:
-    """Return the lowest `count` modes of a tangent stiffness at an equilibrium, whose inverse is `solve`.
+    """Return the lowest `count` modes of a tangent stiffness at an equilibrium, whose inverse is
+    `solve`.
 
     stack_loads, stack_stiffness : as of `vibrating_structure`.
     Raises ComputationFailed when they do not converge, or when the equilibrium is not stable.
@@ -117,10 +141,14 @@ def modes_of_tangent(
     if stack_loads is not None and stack_stiffness is not None:
         solve = _with_stacks(solve, stack_loads, stack_stiffness)
     size = mass.structure.size
-    inertia = LinearOperator((size, size), matvec=lambda u: mass.loads(u.reshape(-1, 1))[:, 0], dtype=float)
+    inertia = LinearOperator(
+        (size, size), matvec=lambda u: mass.loads(u.reshape(-1, 1))[:, 0], dtype=float
+    )
     squares, shapes = lowest(solve, inertia, count)
     if not squares[0] > 0:
-        raise ComputationFailed("the mechanism buckles before its preload is reached, expected a smaller one")
+        raise ComputationFailed(
+            "the mechanism buckles before its preload is reached, expected a smaller one"
+        )
     shapes = shapes / np.sqrt(np.sum(shapes * mass.loads(shapes), axis=0))
     return _ordered_modes(squares, shapes, mass, count)
 
@@ -134,9 +162,11 @@ def stage_modes(
     count: int,
     degree: int | None = None,
 ) -> Modes:
-    """Return the lowest `count` modes of a stage given by its sectors, out of the plane with antisymmetric layers.
+    """Return the lowest `count` modes of a stage given by its sectors, out of the plane with
+    antisymmetric layers.
 
-    density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload for the pose of the hub.
+    density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload for the pose of the
+    hub.
     degree : of the quadrature of the stiffness in the plane.
     Raises ComputationFailed as `modes` and `Structure.lower`.
     """
@@ -147,19 +177,26 @@ def stage_modes(
         return modes(vibrating, count)
     single, motion = _ritz(stage.spaces[0], vibrating, count)
     double, pairs = _ritz(stage.spaces[1], vibrating, -(-count // 2))
-    motion, vector = motion / np.sqrt(3), np.split(pairs * np.sqrt(2 / 3), 2, axis=1)  # real and imaginary parts
+    motion = motion / np.sqrt(3)
+    vector = np.split(pairs * np.sqrt(2 / 3), 2, axis=1)  # real and imaginary parts
     turns = [chain_rotation(chain)[:2, :2] for chain in range(3)]
     parts = [np.hstack([motion, *np.tensordot(turn, vector, axes=1)]) for turn in turns]
     mesh, sector_nodes = joined(sectors)
     whole = structure(mesh, plate, layers)
-    shapes = whole.loads(whole_fields(len(mesh.nodes), sector_nodes, [stage.structure.fields(part) for part in parts]))
+    shapes = whole.loads(
+        whole_fields(
+            len(mesh.nodes), sector_nodes, [stage.structure.fields(part) for part in parts]
+        )
+    )
     shapes[-3:] = parts[0][-3:]
     squares = np.concatenate([single, double, double])
     return _ordered_modes(squares, shapes, mass_of(whole, density, carried), count)
 
 
 def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Array, Array]:
-    """Squared frequencies (k,) and modes (m, k), or (m, 2 k) for complex coordinates, of unit modal mass."""
+    """Squared frequencies (k,) and modes (m, k), or (m, 2 k) for complex coordinates, of unit modal
+    mass.
+    """
     from scipy.sparse.linalg import LinearOperator
 
     def inertia(coordinates: AnyArray) -> AnyArray:
@@ -177,23 +214,30 @@ def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Arra
     worst = float(np.max(np.abs(squares / values - 1)))
     if not worst <= MISMATCH:
         raise ComputationFailed(
-            f"modes refused: eigenvalues and strain energies differ by {worst:.2g}, expected at most {MISMATCH:g}"
+            f"modes refused: eigenvalues and strain energies differ by {worst:.2g}, expected at "
+            f"most {MISMATCH:g}"
         )
     return squares, motion / np.sqrt(np.tile(mass, motion.shape[1] // count))
 
 
 def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
-    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK; `solve` is K^-1."""
+    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK;
+    `solve` is K^-1.
+    """
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     size = mass.shape[0]
     if count >= size:
         raise ComputationFailed(f"{count} modes of {size} unknowns, expected fewer")
-    inverse = LinearOperator((size, size), matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=mass.dtype)
+    inverse = LinearOperator(
+        (size, size), matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=mass.dtype
+    )
     start = np.random.default_rng(0).standard_normal(size)  # reproducible
     try:
         arnoldi = {"v0": start, "ncv": min(size, max(2 * count + 1, BASIS)), "tol": TOLERANCE}
-        values, vectors = eigsh(mass, count, M=mass, sigma=0.0, OPinv=inverse, **arnoldi)  # argument 1 is not used
+        values, vectors = eigsh(
+            mass, count, M=mass, sigma=0.0, OPinv=inverse, **arnoldi
+        )  # argument 1 is not used
     except ArpackError as failure:
         raise ComputationFailed(f"eigenvalues: {failure}") from None
     order = np.argsort(values)
@@ -201,29 +245,38 @@ def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
 
 
 def _ordered_modes(squares: Array, shapes: Array, mass: Mass, count: int) -> Modes:
-    """Return the first `count` modes by ascending frequency, with pairs aligned with x and y and signs normalised.
+    """Return the first `count` modes by ascending frequency, with pairs aligned with x and y and
+    signs normalised.
 
     Alignment precedes the selection, because it needs both modes of a pair.
     """
-    order, whole = np.argsort(squares), mass.structure
-    squares, shapes = squares[order], shapes[:, order]
-    rigid, bodies = whole.rigid_fields(), mass.at.T @ whole.rigid
-    base, moved = mass.forces(rigid), mass.carried @ bodies
+    order = np.argsort(squares)
+    whole = mass.structure
+    squares = squares[order]
+    shapes = shapes[:, order]
+    rigid = whole.rigid_fields()
+    bodies = mass.at.T @ whole.rigid
+    base = mass.forces(rigid)
+    moved = mass.carried @ bodies
     total = rigid.reshape(3, -1) @ base.reshape(3, -1).T + bodies.T @ moved
     participation = shapes.T @ (whole.loads(base) + mass.at @ moved)
     Q = _aligned(squares, participation[:, whole.vector_first])
     shapes = shapes @ Q
-    signs = np.where(shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])] < 0, -1.0, 1.0)
+    signs = np.where(
+        shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])] < 0, -1.0, 1.0
+    )
     participation = ((Q.T @ participation) * signs[:, None])[:count]
     return Modes(np.sqrt(squares[:count]), (shapes * signs)[:, :count], participation, total, whole)
 
 
 def _aligned(squares: Array, participation: Array) -> Array:
-    """Return the rotation (k, k) among modes of equal frequency after which the second of a pair has no motion in x.
+    """Return the rotation (k, k) among modes of equal frequency after which the second of a pair
+    has no motion in x.
 
     squares : (k,), ascending.   participation : (k, 3).
     """
-    Q, ends = np.eye(len(squares)), np.flatnonzero(squares[1:] > squares[:-1] * (1 + DEGENERATE)) + 1
+    Q = np.eye(len(squares))
+    ends = np.flatnonzero(squares[1:] > squares[:-1] * (1 + DEGENERATE)) + 1
     for pair in np.split(np.arange(len(squares)), ends):
         if len(pair) > 1:
             Q[np.ix_(pair, pair)] = np.linalg.qr(participation[pair], mode="complete").Q

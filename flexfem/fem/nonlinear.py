@@ -1,8 +1,9 @@
-"""Large displacements in the plane: total-Lagrangian finite elements, finite rotations, Newton's method.
+"""Large displacements in the plane: total-Lagrangian finite elements, finite rotations, Newton's
+method.
 
-Loads are dead: forces keep their direction and act at points that move with the bodies, moments do work on rotations.
-They act on the rigid hub of a stage, or on the ports of a plate, where bodies move by their `Contacts`.
-"""
+Loads are dead: forces keep their direction and act at points that move with the bodies, moments do
+work on rotations. They act on the rigid hub of a stage, or on the ports of a plate, where bodies
+move by their `Contacts`."""
 
 from __future__ import annotations
 
@@ -15,7 +16,14 @@ from scipy.linalg import block_diag
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.body_stress import SIDES, moving_bodies
-from flexfem.fem.elements import ElementBatch, Plate, assembled, part_stresses, stress_tensor, von_mises
+from flexfem.fem.elements import (
+    ElementBatch,
+    Plate,
+    assembled,
+    part_stresses,
+    stress_tensor,
+    von_mises,
+)
 from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
@@ -24,11 +32,14 @@ from flexfem.mechanism.curves import CurvePoint, Line
 from flexfem.refused import ComputationFailed
 
 ITERATIONS = 25  # of one load step
-STALLED = 3  # iterations after the smallest one, from which the load step is halved: no equilibrium is near
+# iterations after the smallest one, from which the load step is halved: no equilibrium is near
+STALLED = 3
 ALL_ITERATIONS = 1000  # of one load; a stage takes 4 to 6
 ALL = (0, 1, 2)  # ports of a hub that is held
 SMALLEST = 1 / 1024  # load step, as a share of the way from one load to the next
-LARGEST_CHANGE = 1.0  # of a displacement gradient, about rad, in one iteration; above it the load step is halved
+LARGEST_CHANGE = (
+    1.0  # of a displacement gradient, about rad, in one iteration; above it the load step is halved
+)
 LARGEST_STRAIN = 0.3  # St. Venant-Kirchhoff material loses its stiffness under compression at 1/3
 CONVERGED = 1e-11  # root of the predicted energy of the next Newton step over the stored energy
 EXACTLY = 1e-12  # relative: smaller eigenvalues of a matrix are zero
@@ -36,7 +47,8 @@ ROUNDING = 1e-6  # same for the last step, when steps no longer decrease: necks 
 
 
 def green_lagrange(slopes: Array) -> Array:
-    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a`: `E = (H + H' + H'H) / 2`.
+    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a`: `E = (H + H'
+    + H'H) / 2`.
 
     Unlike `(F'F - 1) / 2`, this does not subtract numbers near one for small strains.
     """
@@ -45,34 +57,44 @@ def green_lagrange(slopes: Array) -> Array:
 
 
 def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Array) -> Array:
-    """Tangent (e, 6, 6, 1, 2, 2) per thickness at gradients H and second Piola-Kirchhoff stress S (e, 2, 2, q).
+    """Tangent (e, 6, 6, 1, 2, 2) per thickness at gradients H and second Piola-Kirchhoff stress S
+    (e, 2, 2, q).
 
     Notes
     -----
-    With `p_ia = F_aA d_A phi_i` and `M[ia, jb] = int p_ia p_jb dA`, the change of `int F S : grad v dA` is
+    With `p_ia = F_aA d_A phi_i` and `M[ia, jb] = int p_ia p_jb dA`, the change of `int F S : grad v
+    dA` is
 
         K[ia, jb] = lambda* M[ia, jb] + mu M[ib, ja] + mu int (F F')_ab d_A phi_i d_A phi_j dA
                     + delta_ab int d_A phi_i S_AB d_B phi_j dA
 
-    with the material stiffness in line 1 and the geometric stiffness in line 2. At rest it is `ElementBatch.stiffness`.
-    """
-    count, weight = len(batch.triangles), batch.weights[:, None, None]
+    with the material stiffness in line 1 and the geometric stiffness in line 2. At rest it is
+    `ElementBatch.stiffness`."""
+    count = len(batch.triangles)
+    weight = batch.weights[:, None, None]
     lame, mu = plate.of(batch.numbers).lame(2, 5)
     root = batch.gradients * np.sqrt(weight)  # (e, i, A, q)
     deformation = slopes + np.eye(2)[:, :, None]
-    products = deformation[:, None, :, :, None] * root[:, :, None, None]  # F_aA d_C phi_i: (e, i, a, A, C, q)
-    p, flat = np.trace(products, axis1=3, axis2=4).reshape(count, 12, -1), products.reshape(count, 12, -1)
+    products = (
+        deformation[:, None, :, :, None] * root[:, :, None, None]
+    )  # F_aA d_C phi_i: (e, i, a, A, C, q)
+    p = np.trace(products, axis1=3, axis2=4).reshape(count, 12, -1)
+    flat = products.reshape(count, 12, -1)
     m, f = ((part @ part.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2) for part in (p, flat))
     k = (lame * m + mu * (m.transpose(0, 1, 4, 3, 2) + f)).transpose(0, 1, 3, 2, 4)
-    stressed = np.einsum("eABq,eiBq->eiAq", stress * weight, batch.gradients, optimize=True).reshape(count, 6, -1)
-    k[..., range(2), range(2)] += (stressed @ batch.gradients.reshape(count, 6, -1).transpose(0, 2, 1))[..., None]
+    stressed = np.einsum(
+        "eABq,eiBq->eiAq", stress * weight, batch.gradients, optimize=True
+    ).reshape(count, 6, -1)
+    k[..., range(2), range(2)] += (
+        stressed @ batch.gradients.reshape(count, 6, -1).transpose(0, 2, 1)
+    )[..., None]
     return np.asarray(k[:, :, :, None])
 
 
 class State(NamedTuple):
-    """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2, 2, q), MPa, for the
-    tangent: before convergence it differs from the stress of the displacements. Load (k,), N and N mm. Turn of every
-    contact (c,), rad, which continues beyond half a turn."""
+    """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2,
+    2, q), MPa, for the tangent: before convergence it differs from the stress of the displacements.
+    Load (k,), N and N mm. Turn of every contact (c,), rad, which continues beyond half a turn."""
 
     pose: Array
     field: Array
@@ -82,7 +104,9 @@ class State(NamedTuple):
 
 
 class InternalForces(NamedTuple):
-    """Internal forces (2f + 3,) on the unknowns of a state, stored energy, N mm, largest strain component."""
+    """Internal forces (2f + 3,) on the unknowns of a state, stored energy, N mm, largest strain
+    component.
+    """
 
     forces: Array
     energy: float
@@ -90,11 +114,13 @@ class InternalForces(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Contacts of a plate with c parts of bodies, whose motion is the rigid motion nearest to that of the part.
+    """Contacts of a plate with c parts of bodies, whose motion is the rigid motion nearest to that
+    of the part.
 
-    The motion of the part is linear in four numbers: displacements x and y of the point and rotation of small motions,
-    and stretch. With the rotation b and the stretch s, the nearest rotation is `theta = arg(1 + s + i b)`: the polar
-    decomposition of `int (r + u) r' dA` in the plane, r from the centroid of the part.
+    The motion of the part is linear in four numbers: displacements x and y of the point and
+    rotation of small motions, and stretch. With the rotation b and the stretch s, the nearest
+    rotation is `theta = arg(1 + s + i b)`: the polar decomposition of `int (r + u) r' dA` in the
+    plane, r from the centroid of the part.
 
     gather : (4 c, size), rows of these numbers, from the unknowns.
     arm : (c,), mm, from the centroid of the part to the point, complex.
@@ -106,14 +132,23 @@ class Contacts(NamedTuple):
     wrenches: Array
 
     def _motion(self, unknowns: Array) -> tuple[Array, AnyArray, AnyArray, Array]:
-        """Numbers (c, 4), turned part `1 + s + i b` and turned arm (c,), and the rates (c, 2) of theta by b and s."""
+        """Numbers (c, 4), turned part `1 + s + i b` and turned arm (c,), and the rates (c, 2) of
+        theta by b and s.
+        """
         numbers = np.reshape(self.gather @ unknowns, (-1, 4))
         turned = 1 + numbers[:, 3] + 1j * numbers[:, 2]
         rates = 1 / turned
-        return numbers, turned, self.arm * turned / np.abs(turned), np.stack([rates.real, rates.imag], axis=1)
+        return (
+            numbers,
+            turned,
+            self.arm * turned / np.abs(turned),
+            np.stack([rates.real, rates.imag], axis=1),
+        )
 
     def motions(self, unknowns: Array, near: Array) -> Array:
-        """Displacements and rotations (k,) of the ports, mm and rad; the rotations as those of `turns`."""
+        """Displacements and rotations (k,) of the ports, mm and rad; the rotations as those of
+        `turns`.
+        """
         numbers, _, arm, _ = self._motion(unknowns)
         moved = numbers[:, 0] + 1j * numbers[:, 1] + arm - self.arm * (1 + 1j * numbers[:, 2])
         motion = np.stack([moved.real, moved.imag, self.turns(unknowns, near)], axis=1)
@@ -137,23 +172,29 @@ class Contacts(NamedTuple):
         return np.asarray(self.gather.T @ onto.reshape(-1, len(self.wrenches)))
 
     def change_of_loads(self, unknowns: Array, load: Array) -> tuple[Array, Array]:
-        """Derivative `Y H Y'` of the loads of (k,) by the unknowns: Y (size, 2 c), and H (2 c, 2 c)."""
+        """Derivative `Y H Y'` of the loads of (k,) by the unknowns: Y (size, 2 c), and H (2 c, 2
+        c).
+        """
         _, _, arm, rates = self._motion(unknowns)
         fx, fy, moment = np.einsum("k,kca->ac", load, self.wrenches)
-        first, second = moment - fx * arm.imag + fy * arm.real, -fx * arm.real - fy * arm.imag
-        squared = (rates[:, 0] + 1j * rates[:, 1]) ** 2  # theta'' = Im(-dz dz / z^2), z' = i db + ds
-        bb, bs = squared.imag, -squared.real
+        first = moment - fx * arm.imag + fy * arm.real
+        second = -fx * arm.real - fy * arm.imag
+        squared = (
+            rates[:, 0] + 1j * rates[:, 1]
+        ) ** 2  # theta'' = Im(-dz dz / z^2), z' = i db + ds
+        bb = squared.imag
+        bs = -squared.real
         H = first[:, None, None] * np.stack([np.stack([bb, bs], 1), np.stack([bs, -bb], 1)], 1)
         H += second[:, None, None] * rates[:, :, None] * rates[:, None]
         at = (4 * np.arange(len(arm))[:, None] + [2, 3]).ravel()
         return self.gather[at].T.toarray(), block_diag(*H)
 
     def softened(self, solve: Solve, unknowns: Array, load: Array) -> tuple[Solve, int]:
-        """Solver of a tangent less the derivative of the loads (k,) by the unknowns, a matrix of rank 2 c.
+        """Solver of a tangent less the derivative of the loads (k,) by the unknowns, a matrix of
+        rank 2 c.
 
-        And the number of negative pivots that this adds: by Haynsworth's sum of the inertias of the tangent bordered
-        by Y, with the inverse of -H.
-        """
+        And the number of negative pivots that this adds: by Haynsworth's sum of the inertias of the
+        tangent bordered by Y, with the inverse of -H."""
         Y, whole = self.change_of_loads(unknowns, load)
         soft = solve(Y)
         inner = np.eye(len(whole)) - whole @ (Y.T @ soft)
@@ -172,10 +213,15 @@ class Contacts(NamedTuple):
 
 def contacts(model: PlateModel) -> Contacts:
     """Return the contacts of the ports of a plate, less those with ground that does not move."""
-    layout, structure = model.layout, model.structure
+    layout = model.layout
+    structure = model.structure
     parts = [patch for port in layout.ports for patch, _ in port.parts]
-    moving = [at for at in dict.fromkeys(parts) if at.body >= 0 and not layout.bodies[at.body].fixed]
-    rows, arms, wrenches = list[Array](), list[complex](), np.zeros((len(layout.ports), len(moving), 3))
+    moving = [
+        at for at in dict.fromkeys(parts) if at.body >= 0 and not layout.bodies[at.body].fixed
+    ]
+    rows = list[Array]()
+    arms = list[complex]()
+    wrenches = np.zeros((len(layout.ports), len(moving), 3))
     for patch in moving:
         along_x, along_y, moment = contact_forces(model.layout, model.mesh, patch)
         x, y = moment.T
@@ -190,7 +236,8 @@ def contacts(model: PlateModel) -> Contacts:
 
 
 def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
-    """Return the arm, mm, from the centroid of a contact to its point, from nodal forces (n, 2) of `contact_forces`.
+    """Return the arm, mm, from the centroid of a contact to its point, from nodal forces (n, 2) of
+    `contact_forces`.
 
     A force at the point is one at the centroid with a moment.
     """
@@ -199,27 +246,46 @@ def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
 
 
 class LargeStructure:
-    """A plane structure, and the contacts where it is loaded or a hub that rotates: `u = U + (R(theta) - 1) r`."""
+    """A plane structure, and the contacts where it is loaded or a hub that rotates: `u = U +
+    (R(theta) - 1) r`.
+    """
 
-    def __init__(self, structure: Structure, contacts: Contacts | None = None, residual: float = 0.0) -> None:
-        """`residual`: stress, MPa, in all directions of the plane, of the plate before it can deform."""
-        self.structure, self.pairs = structure, structure.pairs
+    def __init__(
+        self, structure: Structure, contacts: Contacts | None = None, residual: float = 0.0
+    ) -> None:
+        """`residual`: stress, MPa, in all directions of the plane, of the plate before it can
+        deform.
+        """
+        self.structure = structure
+        self.pairs = structure.pairs
         self.factorise = Factoriser(structure.order(), structure.poses)
         self.contacts, self.free = contacts, 2 * len(structure.free)
         plate = structure.plate
         self.initial = np.zeros((2, 2, 1))
         if residual:  # of a plate of one material
-            self.initial = residual * (1 - plate.poissons_ratio) / plate.youngs_modulus * np.eye(2)[:, :, None]
+            self.initial = (
+                residual * (1 - plate.poissons_ratio) / plate.youngs_modulus * np.eye(2)[:, :, None]
+            )
         self.negative = 0  # number of negative pivots of the last derivative that was inverted
 
     def motions(self, state: State) -> Array:
-        """Displacements and rotations (k,) where loads act, mm and rad: the pose of the hub or those of the ports."""
-        return self.contacts.motions(self._unknowns(state), state.turn) if self.contacts else state.pose
+        """Displacements and rotations (k,) where loads act, mm and rad: the pose of the hub or
+        those of the ports.
+        """
+        return (
+            self.contacts.motions(self._unknowns(state), state.turn)
+            if self.contacts
+            else state.pose
+        )
 
     def loads(self, state: State) -> Array:
         """Loads (size, k) on the unknowns by unit loads."""
         size = self.structure.size
-        return self.contacts.loads(self._unknowns(state)) if self.contacts else np.eye(size, 3, 3 - size)
+        return (
+            self.contacts.loads(self._unknowns(state))
+            if self.contacts
+            else np.eye(size, 3, 3 - size)
+        )
 
     def solver(self, state: State, load: Array) -> Solve:
         """Inverse of the derivative of internal forces less loads (k,)."""
@@ -235,8 +301,11 @@ class LargeStructure:
         return state.field[self.structure.free].ravel()
 
     def hub_motion(self, pose: Array) -> tuple[Array, Array]:
-        """Displacements (h, 2), mm, and rotated moment arms (h, 2), mm, of the hub nodes at a pose (3,), mm and rad."""
-        s, c = np.sin(pose[2]), -2.0 * np.sin(pose[2] / 2) ** 2  # c = cosine - 1
+        """Displacements (h, 2), mm, and rotated moment arms (h, 2), mm, of the hub nodes at a pose
+        (3,), mm and rad.
+        """
+        s = np.sin(pose[2])
+        c = -2.0 * np.sin(pose[2] / 2) ** 2  # c = cosine - 1
         arms = self.structure.mesh.nodes[self.structure.hub]
         change = arms @ np.array([[c, -s], [s, c]]).T
         return pose[:2] + change, arms + change
@@ -246,23 +315,37 @@ class LargeStructure:
         return np.reshape(self.structure.line.rigid(self.hub_motion(pose)[1]), (-1, 3))
 
     def at(self, pose: Array, field: Array) -> State:
-        """Return the state of displacements (n, 2), mm, with those of the hub replaced by the motion of the pose."""
+        """Return the state of displacements (n, 2), mm, with those of the hub replaced by the
+        motion of the pose.
+        """
         field = field.copy()
         field[self.structure.hub] = self.hub_motion(pose)[0]
         parts = zip(self.structure.batches, self._slopes(field), strict=True)
         stress = [self.stress_of(batch, green_lagrange(slopes)) for batch, slopes in parts]
         ports = len(self.contacts.wrenches) if self.contacts else 3
-        return State(pose, field, stress, np.zeros(ports), np.zeros(len(self.contacts.arm) if self.contacts else 0))
+        return State(
+            pose,
+            field,
+            stress,
+            np.zeros(ports),
+            np.zeros(len(self.contacts.arm) if self.contacts else 0),
+        )
 
     def _slopes(self, field: Array) -> list[Array]:
-        return [batch.slopes(self.structure.line, field[None])[0] for batch in self.structure.batches]
+        return [
+            batch.slopes(self.structure.line, field[None])[0] for batch in self.structure.batches
+        ]
 
     def stress_of(self, batch: ElementBatch, strain: Array) -> Array:
-        """Second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of strains of a batch, with the residual stress."""
+        """Second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of strains of a batch, with the residual
+        stress.
+        """
         return stress_tensor(self.structure.plate.of(batch.numbers), strain + self.initial)
 
     def nodal(self, state: State, slopes: list[Array]) -> Array:
-        """Nodal forces (n, 2), N, that balance the stress of a state with displacement gradients by batch."""
+        """Nodal forces (n, 2), N, that balance the stress of a state with displacement gradients by
+        batch.
+        """
         forces = np.zeros((1, *state.field.shape))
         for batch, H, stress in zip(self.structure.batches, slopes, state.stress, strict=True):
             P = stress + np.einsum("eacq,ecbq->eabq", H, stress)  # first Piola-Kirchhoff stress F S
@@ -271,40 +354,54 @@ class LargeStructure:
 
     def internal(self, state: State) -> InternalForces:
         """Return forces, energy and strain of the displacements of a state; its stress is not used."""
-        structure, slopes = self.structure, self._slopes(state.field)
+        structure = self.structure
+        slopes = self._slopes(state.field)
         strains = [green_lagrange(H) for H in slopes]
-        stress = [self.stress_of(batch, strain) for batch, strain in zip(structure.batches, strains, strict=True)]
+        stress = [
+            self.stress_of(batch, strain)
+            for batch, strain in zip(structure.batches, strains, strict=True)
+        ]
         consistent = state._replace(stress=stress)
         forces = self.nodal(consistent, slopes)
         on_hub = forces[structure.hub].ravel() @ self.hub_jacobian(state.pose)
         parts = zip(strains, consistent.stress, structure.batches, strict=True)
-        products = [float(np.sum((e + self.initial) * s * b.weights[:, None, None])) for e, s, b in parts]
+        products = [
+            float(np.sum((e + self.initial) * s * b.weights[:, None, None])) for e, s, b in parts
+        ]
         energy = sum(products) * structure.plate.thickness
         largest = max(float(np.max(np.abs(strain))) for strain in strains)
         on_free = forces[structure.free].ravel()
         return InternalForces(np.append(on_free, on_hub[: structure.poses]), energy / 2, largest)
 
     def tangent(self, state: State) -> sp.csr_array:
-        """Lower triangle (2f + 3, 2f + 3) of the derivative of the internal forces, with the stress of the state."""
-        structure, slopes = self.structure, self._slopes(state.field)
+        """Lower triangle (2f + 3, 2f + 3) of the derivative of the internal forces, with the stress
+        of the state.
+        """
+        structure = self.structure
+        slopes = self._slopes(state.field)
         parts = zip(structure.batches, slopes, state.stress, strict=True)
         blocks = (tangent_blocks(batch, structure.plate, H, stress) for batch, H, stress in parts)
-        K = structure.tie_hub(assembled(self.pairs, blocks, structure.line), self.hub_jacobian(state.pose))
+        K = structure.tie_hub(
+            assembled(self.pairs, blocks, structure.line), self.hub_jacobian(state.pose)
+        )
         if structure.poses:
-            hub_forces, arms = self.nodal(state, slopes)[structure.hub], self.hub_motion(state.pose)[1]
+            hub_forces = self.nodal(state, slopes)[structure.hub]
+            arms = self.hub_motion(state.pose)[1]
             K.data[-1] -= np.sum(hub_forces * arms)
         return K
 
 
 class Equilibria(NamedTuple):
-    """Equilibria at s loads or poses, computed one after the other from rest, with k = 3 for a hub, or k ports.
+    """Equilibria at s loads or poses, computed one after the other from rest, with k = 3 for a hub,
+    or k ports.
 
-    load : (s, k), on the hub or the ports, N and N mm.   pose : (s, k), displacement of these, mm and rad.
+    load : (s, k), on the hub or the ports, N and N mm.   pose : (s, k), displacement of these, mm
+    and rad.
     fields : (s, n, 2), mm, displacement of every node.
     energy : (s,), N mm, stored in the material.
     compliance : (s, k, k), tangent: derivative of the pose by the load, mm and rad per N and N mm.
-    strain : (s,), largest magnitude of a Green-Lagrange strain component; the material law assumes it small.
-    """
+    strain : (s,), largest magnitude of a Green-Lagrange strain component; the material law assumes
+    it small."""
 
     load: Array
     pose: Array
@@ -315,35 +412,42 @@ class Equilibria(NamedTuple):
 
 
 def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
-    """Compute equilibria under dead loads (k, 3) or (3,) on the hub, each from the one before, the first from rest.
+    """Compute equilibria under dead loads (k, 3) or (3,) on the hub, each from the one before, the
+    first from rest.
 
-    A load is a force, N, of fixed direction at the moving platform centre and a moment, N mm, conjugate to theta.
+    A load is a force, N, of fixed direction at the moving platform centre and a moment, N mm,
+    conjugate to theta.
 
     Raises ComputationFailed when Newton's method fails even with the smallest load steps.
 
     Notes
     -----
-    St. Venant-Kirchhoff material, `S = lambda* tr(E) + 2 mu E` with the Lame constants of plane stress, on the
-    undeformed plate of constant thickness: valid for small strains and rotations of any size, as in flexures. Newton's
-    method carries displacements and stress: each tangent uses the stress that the previous step predicts to first
-    order, instead of the stress of its displacements, whose quadratic part is a spurious tension in rotating slender
-    bodies. Both agree in equilibrium; this saves about half of the iterations.
-    """
+    St. Venant-Kirchhoff material, `S = lambda* tr(E) + 2 mu E` with the Lame constants of plane
+    stress, on the undeformed plate of constant thickness: valid for small strains and rotations of
+    any size, as in flexures. Newton's method carries displacements and stress: each tangent uses
+    the stress that the previous step predicts to first order, instead of the stress of its
+    displacements, whose quadratic part is a spurious tension in rotating slender bodies. Both agree
+    in equilibrium; this saves about half of the iterations."""
     return _equilibria(LargeStructure(structure(mesh, plate)), loads)
 
 
 def equilibria(model: PlateModel, loads: Array) -> Equilibria:
-    """Compute equilibria of a plane plate under dead loads (s, k) on its ports, N and N mm, as `equilibrium`."""
+    """Compute equilibria of a plane plate under dead loads (s, k) on its ports, N and N mm, as
+    `equilibrium`.
+    """
     return _equilibria(LargeStructure(model.structure, contacts(model)), loads)
 
 
 def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
-    """Compute equilibria with the hub held at poses (k, 3) or (3,), mm and rad, by `load`, as `equilibrium`."""
+    """Compute equilibria with the hub held at poses (k, 3) or (3,), mm and rad, by `load`, as
+    `equilibrium`.
+    """
     return _equilibria(LargeStructure(structure(mesh, plate)), poses, ALL)
 
 
 def driven(model: PlateModel, ports: Sequence[int], motions: Array) -> Equilibria:
-    """Compute equilibria of a plane plate whose ports (p,) are held at motions (s, p), mm and rad, as `equilibrium`.
+    """Compute equilibria of a plane plate whose ports (p,) are held at motions (s, p), mm and rad,
+    as `equilibrium`.
 
     The other ports are free of load; the loads are those that hold the ports.
     """
@@ -353,7 +457,8 @@ def driven(model: PlateModel, ports: Sequence[int], motions: Array) -> Equilibri
 class PlateTangent(NamedTuple):
     """Tangent of a plane plate at an equilibrium.
 
-    compliance : (k, k), of the ports.   solve : inverse of the tangent stiffness.   field : (n, 2), mm.
+    compliance : (k, k), of the ports.   solve : inverse of the tangent stiffness.   field : (n, 2),
+    mm.
     strain : largest magnitude of a component of the strain by displacements.
     """
 
@@ -364,14 +469,17 @@ class PlateTangent(NamedTuple):
 
 
 def tangent_at(model: PlateModel, load: Array) -> PlateTangent:
-    """Return the tangent at the equilibrium under a dead load (k,) on the ports and the residual stress of a plate.
+    """Return the tangent at the equilibrium under a dead load (k,) on the ports and the residual
+    stress of a plate.
 
     Raises ComputationFailed when Newton's method fails even with the smallest load steps.
     """
     large = LargeStructure(model.structure, contacts(model), model.layout.residual_stress)
     state = large.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes))
     step, _ = _advance(large, state, np.zeros_like(load), load, (), 0.0)
-    return PlateTangent(step.compliance, step.solve, step.state.field, large.internal(step.state).strain)
+    return PlateTangent(
+        step.compliance, step.solve, step.state.field, large.internal(step.state).strain
+    )
 
 
 class PulledElements:
@@ -390,7 +498,8 @@ class PulledElements:
         return CurvePoint(large.motions(state), state.load, compliance, 0, 0.0, state)
 
     def on_line(self, near: CurvePoint, line: Line) -> CurvePoint | None:
-        """Return the equilibrium at which the motion u of the port and the load f on it are on a line.
+        """Return the equilibrium at which the motion u of the port and the load f on it are on a
+        line.
 
         near : an equilibrium to start from.   line : a, b and c of `a u + b f = c`.
         None without one near, and where the strain is too large for the material law.
@@ -408,23 +517,32 @@ class PulledElements:
         if internal.strain > LARGEST_STRAIN:
             return None
         loads = large.loads(state)
-        moved = loads.T[self.port] @ step.solve((loads @ state.load - internal.forces)[:, None])[:, 0]
+        moved = (
+            loads.T[self.port] @ step.solve((loads @ state.load - internal.forces)[:, None])[:, 0]
+        )
         load = state.load.copy()
         load[self.port] -= a * moved / (a * step.compliance[self.port, self.port] + b)
         state = state._replace(load=load)
-        return CurvePoint(large.motions(state), load, step.compliance, large.negative, internal.strain, state)
+        return CurvePoint(
+            large.motions(state), load, step.compliance, large.negative, internal.strain, state
+        )
 
 
 def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
-    """Return the highest von Mises stress of hinges (h,) and moving bodies (b,), MPa, for displacements (n, 2), mm.
+    """Return the highest von Mises stress of hinges (h,) and moving bodies (b,), MPa, for
+    displacements (n, 2), mm.
 
-    It is that of the second Piola-Kirchhoff stress, whose axes turn with the material; strains are small. The nodes are
-    those of `ports.hinge_stress` and of `body_stress.body_nodes`.
-    """
-    mesh, plate, layout = model.structure.mesh, model.structure.plate, model.layout
-    bodies, hinges = moving_bodies(layout), len(model.regions)
+    It is that of the second Piola-Kirchhoff stress, whose axes turn with the material; strains are
+    small. The nodes are those of `ports.hinge_stress` and of `body_stress.body_nodes`."""
+    mesh = model.structure.mesh
+    plate = model.structure.plate
+    layout = model.layout
+    bodies = moving_bodies(layout)
+    hinges = len(model.regions)
     numbers = [*(len(layout.bodies) + np.arange(hinges)).tolist(), *bodies]
-    stresses = part_stresses(mesh, plate, field, [*model.regions, *model.bodies], numbers, strain=green_lagrange)
+    stresses = part_stresses(
+        mesh, plate, field, [*model.regions, *model.bodies], numbers, strain=green_lagrange
+    )
     materials = layout.materials
     highest = np.zeros(len(numbers))
     for k, (stress, part) in enumerate(zip(stresses, numbers, strict=True)):
@@ -433,7 +551,8 @@ def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
 
 
 def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> float:
-    """Return the distance, mm, of the edges of two parts for displacements (n, 2), mm; zero where they overlap.
+    """Return the distance, mm, of the edges of two parts for displacements (n, 2), mm; zero where
+    they overlap.
 
     parts : numbers of bodies, or of hinges after them, as in the mesh.
     """
@@ -444,15 +563,17 @@ def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> flo
     edges = list[Any]()
     for part in parts:
         sides = mesh.triangles[mesh.bodies == part][:, SIDES].reshape(-1, 3)
-        _, first, count = np.unique(np.sort(sides[:, :2], axis=1), axis=0, return_index=True, return_counts=True)
+        _, first, count = np.unique(
+            np.sort(sides[:, :2], axis=1), axis=0, return_index=True, return_counts=True
+        )
         outer = sides[first[count == 1]][:, [0, 2, 1]]
         edges.append(shapely.multilinestrings(shapely.linestrings(places[outer])))
     return float(shapely.distance(*edges))
 
 
 class _Step(NamedTuple):
-    """A Newton step: the state after it, its size as root of energy, the energy before it, the largest change of a
-    displacement gradient, the compliance (k, k), and the solver."""
+    """A Newton step: the state after it, its size as root of energy, the energy before it, the
+    largest change of a displacement gradient, the compliance (k, k), and the solver."""
 
     state: State
     size: float
@@ -463,22 +584,36 @@ class _Step(NamedTuple):
 
 
 def _equilibria(model: LargeStructure, targets: Array, held: Sequence[int] = ()) -> Equilibria:
-    """Return the equilibria at loads (s, k) or (k,), or at motions (s, p) or (p,) of the p held ports."""
+    """Return the equilibria at loads (s, k) or (k,), or at motions (s, p) or (p,) of the p held
+    ports.
+    """
     targets = np.atleast_2d(np.asarray(targets, dtype=float))
-    state, start = model.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes)), np.zeros_like(targets[0])
-    scale, rows = 0.0, []
+    state = model.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes))
+    start = np.zeros_like(targets[0])
+    scale = 0.0
+    rows = []
     for target in targets:
         step, scale = _advance(model, state, start, target, held, scale)
-        state, start = step.state, target
+        state = step.state
+        start = target
         rows.append(_entries(model, step, held))
     return Equilibria(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _advance(
-    model: LargeStructure, state: State, start: Array, target: Array, held: Sequence[int], scale: float
+    model: LargeStructure,
+    state: State,
+    start: Array,
+    target: Array,
+    held: Sequence[int],
+    scale: float,
 ) -> tuple[_Step, float]:
-    """Advance from `start`, a load or motions of held ports, to `target`, in smaller steps where one fails."""
-    done, part, iterations = 0.0, 1.0, 0
+    """Advance from `start`, a load or motions of held ports, to `target`, in smaller steps where
+    one fails.
+    """
+    done = 0.0
+    part = 1.0
+    iterations = 0
     while part >= SMALLEST and iterations <= ALL_ITERATIONS:
         goal = target if done + part >= 1.0 else start + (done + part) * (target - start)
         step, used = _newton(model, state, goal, held, scale)
@@ -486,14 +621,17 @@ def _advance(
         if step is None:
             part /= 2
             continue
-        state, done, scale = step.state, done + part, max(scale, step.energy)
+        state = step.state
+        done = done + part
+        scale = max(scale, step.energy)
         if done >= 1.0:
             return step, scale
         part = min(2 * part, 1.0 - done)
     condition = "with the output held at" if held else "under the load"
     raise ComputationFailed(
-        f"no equilibrium {condition} {target.tolist()}: Newton's method fails after {iterations} iterations, "
-        f"at more than {100 * done:.3g} % of the target: the structure buckles, or the load is far too large"
+        f"no equilibrium {condition} {target.tolist()}: Newton's method fails after {iterations} "
+        f"iterations, at more than {100 * done:.3g} % of the target: the structure buckles, or "
+        "the load is far too large"
     )
 
 
@@ -505,11 +643,14 @@ def _newton(
     scale: float,
     weights: tuple[float, float] = (1.0, 0.0),
 ) -> tuple[_Step | None, int]:
-    """Return the step to equilibrium at `goal`, or None; its size is relative to an energy of at least `scale`.
+    """Return the step to equilibrium at `goal`, or None; its size is relative to an energy of at
+    least `scale`.
 
     weights : of the motions and of the loads of the held ports, whose weighted sums are the goal.
     """
-    last, smallest, smallest_at = 1.0, np.inf, 0
+    last = 1.0
+    smallest = np.inf
+    smallest_at = 0
     for iteration in range(1, ITERATIONS + 1):
         step = _step(model, state, goal, held, weights)
         if step.size < smallest:
@@ -521,7 +662,8 @@ def _newton(
         size = step.size / float(np.sqrt(energy)) if step.size > 0.0 else 0.0
         if size * min(size / last, 1.0) <= CONVERGED or last / 2 < size <= ROUNDING:
             return step, iteration
-        state, last = step.state, size
+        state = step.state
+        last = size
     return None, ITERATIONS
 
 
@@ -532,13 +674,18 @@ def _step(
     held: Sequence[int],
     weights: tuple[float, float] = (1.0, 0.0),
 ) -> _Step:
-    """Take a Newton step towards a load, or weighted sums of motions and loads of held ports, whose load is found."""
-    structure, internal = model.structure, model.internal(state)
+    """Take a Newton step towards a load, or weighted sums of motions and loads of held ports, whose
+    load is found.
+    """
+    structure = model.structure
+    internal = model.internal(state)
     load = state.load if held else goal
-    loads, solve = model.loads(state), model.solver(state, load)
+    loads = model.loads(state)
+    solve = model.solver(state, load)
     residual = -internal.forces
     solution = solve(np.column_stack([residual, loads]))
-    change, unit = solution[:, 0], solution[:, 1:]
+    change = solution[:, 0]
+    unit = solution[:, 1:]
     if held:
         ports = list(held)
         remaining = goal - weights[0] * (model.motions(state)[ports] + loads.T[ports] @ change)
@@ -549,11 +696,13 @@ def _step(
     residual = residual + loads @ load
     linear = np.zeros_like(state.field)
     linear[structure.free] = change[: model.free].reshape(-1, 2)
-    moved, turned = state.field + linear, change[model.free :] if structure.poses else np.zeros(3)
+    moved = state.field + linear
+    turned = change[model.free :] if structure.poses else np.zeros(3)
     linear[structure.hub] = (model.hub_jacobian(state.pose) @ turned).reshape(-1, 2)
     pose = goal if held and structure.poses else state.pose + turned
     moved[structure.hub] = model.hub_motion(pose)[0]
-    stress, largest = [], 0.0  # stress to first order in the change
+    stress = []
+    largest = 0.0  # stress to first order in the change
     for batch in structure.batches:
         slopes, changes = batch.slopes(structure.line, np.stack([state.field, linear]))
         largest = np.maximum(largest, np.max(np.abs(changes)))  # propagates nan
@@ -561,22 +710,31 @@ def _step(
         rate = (half + np.swapaxes(half, -3, -2)) / 2
         stress.append(model.stress_of(batch, green_lagrange(slopes) + rate))
     size = float(np.sqrt(abs(change @ residual)))
-    turn = model.contacts.turns(moved[structure.free].ravel(), state.turn) if model.contacts else state.turn
+    turn = (
+        model.contacts.turns(moved[structure.free].ravel(), state.turn)
+        if model.contacts
+        else state.turn
+    )
     state = State(pose, moved, stress, load, turn)
     return _Step(state, size, internal.energy, float(largest), loads.T @ unit, solve)
 
 
 def _entries(model: LargeStructure, step: _Step, held: Sequence[int]) -> tuple[Any, ...]:
     """Return a row of `Equilibria` in the order of its fields."""
-    internal, state, compliance = model.internal(step.state), step.state, step.compliance
+    internal = model.internal(step.state)
+    state = step.state
+    compliance = step.compliance
     if internal.strain > LARGEST_STRAIN:
         raise ComputationFailed(
-            f"equilibrium refused: strain of {internal.strain:.2g}, expected at most {LARGEST_STRAIN:g}, above which "
-            "the material law is not valid"
+            f"equilibrium refused: strain of {internal.strain:.2g}, expected at most "
+            f"{LARGEST_STRAIN:g}, above which the material law is not valid"
         )
     load = state.load
-    if held:  # the residual corrects the load that holds the ports for the round-off of stiff bodies
-        ports, loads = list(held), model.loads(state)
+    if (
+        held
+    ):  # the residual corrects the load that holds the ports for the round-off of stiff bodies
+        ports = list(held)
+        loads = model.loads(state)
         residual = loads @ load - internal.forces
         moved = loads.T[ports] @ step.solve(residual[:, None])[:, 0]
         load = load.copy()

@@ -1,13 +1,15 @@
-"""Compliances of the bodies and hinges of a plate by finite elements, for the analytic network: each alone, plane.
+"""Compliances of the bodies and hinges of a plate by finite elements, for the analytic network:
+each alone, plane.
 
-The end sections of hinges move rigidly, and each contact as the motion conjugate to its load. With the loads B, the
-conjugate loads F of the mean motion of the body, and the stiffness K of the body held at the end of one hinge,
+The end sections of hinges move rigidly, and each contact as the motion conjugate to its load. With
+the loads B, the conjugate loads F of the mean motion of the body, and the stiffness K of the body
+held at the end of one hinge,
 
     C = (B - F)' K^-1 (B - F),
 
-as every load of B is balanced by F, and the mean motion F' u is subtracted. With clamped edges F is left out. A hinge
-is held at its first body and loaded at its second, both of which leave their section of it plane.
-"""
+as every load of B is balanced by F, and the mean motion F' u is subtracted. With clamped edges F is
+left out. A hinge is held at its first body and loaded at its second, both of which leave their
+section of it plane."""
 
 from __future__ import annotations
 
@@ -29,11 +31,11 @@ ALIKE = 1e-11  # relative to the coordinates, of points of bodies that are equal
 
 
 class _Marks(NamedTuple):
-    """Points (n, 2) of a body, and hashes (n,) of what is there: first its interfaces, then the ends of its edges.
+    """Points (n, 2) of a body, and hashes (n,) of what is there: first its interfaces, then the
+    ends of its edges.
 
-    The centre of a hinge and a point on its axis; the point of a patch twice; the centre of an unsymmetric hinge and a
-    point to the left; the middle of an edge and one end.
-    """
+    The centre of a hinge and a point on its axis; the point of a patch twice; the centre of an
+    unsymmetric hinge and a point to the left; the middle of an edge and one end."""
 
     points: AnyArray
     kinds: AnyArray
@@ -42,19 +44,23 @@ class _Marks(NamedTuple):
 def body_compliances(layout: Layout, mesh: StageMesh) -> tuple[ElasticBody, ...]:
     """Compliances of all bodies that are not fixed, in their order.
 
-    Of bodies that are equal up to a rotation, shift or mirror image, the one with most patches is solved for all.
+    Of bodies that are equal up to a rotation, shift or mirror image, the one with most patches is
+    solved for all.
 
     mesh : of the layout, with edges `end 0 near`, `end 0 far` and so on of the hinges.
     Raises ComputationFailed for a body that no hinge or clamped edge holds.
     """
     moving = [number for number, body in enumerate(layout.bodies) if not body.fixed]
-    solved, found = list[tuple[_Marks, ElasticBody]](), dict[int, ElasticBody]()
+    solved = list[tuple[_Marks, ElasticBody]]()
+    found = dict[int, ElasticBody]()
     for body in sorted(moving, key=lambda body: -len(interfaces(layout, body))):
-        at, marks = interfaces(layout, body), _marks(layout, body)
+        at = interfaces(layout, body)
+        marks = _marks(layout, body)
         for others, other in solved:
             if (alike := _alike(others, marks)) is not None:
                 move, place = alike
-                T, rows = np.kron(np.eye(len(at)), move.of_twists), (3 * place[: len(at), None] + [0, 1, 2]).ravel()
+                T = np.kron(np.eye(len(at)), move.of_twists)
+                rows = (3 * place[: len(at), None] + [0, 1, 2]).ravel()
                 found[body] = ElasticBody(body, at, T @ other.compliance[np.ix_(rows, rows)] @ T.T)
                 break
         else:
@@ -64,7 +70,8 @@ def body_compliances(layout: Layout, mesh: StageMesh) -> tuple[ElasticBody, ...]
 
 
 def _marks(layout: Layout, number: int) -> _Marks:
-    marks, body = list[tuple[complex, complex, Hashable]](), layout.bodies[number]
+    marks = list[tuple[complex, complex, Hashable]]()
+    body = layout.bodies[number]
     for one in interfaces(layout, number):
         if isinstance(one, Patch):
             marks.append((one.point, one.point, ("patch", one.radius and round(one.radius, 9))))
@@ -72,24 +79,32 @@ def _marks(layout: Layout, number: int) -> _Marks:
             joint = layout.joints[one.hinge]
             tip = joint.place + joint.profile.length * np.exp(1j * joint.heading)
             marks.append((joint.place, tip, (joint.sided[0], joint.cut, one.far)))
-    for joint in (joint for joint in layout.joints if number in joint.bodies and not joint.profile.symmetric):
+    for joint in (
+        joint for joint in layout.joints if number in joint.bodies and not joint.profile.symmetric
+    ):
         profile, left = joint.sided
         marks.append((joint.place, joint.place + joint.profile.length * left, ("left", profile)))
     for k, edge in enumerate(edge for loop in (body.outline, *body.holes) for edge in loop):
         kind = ("edge", k in body.clamped, body.material)
         marks += [(complex(edge.at(0.5)), end, kind) for end in (edge.start, edge.end)]
-    return _Marks(np.array([mark[:2] for mark in marks]), np.array([hash(mark[2]) for mark in marks]))
+    return _Marks(
+        np.array([mark[:2] for mark in marks]), np.array([hash(mark[2]) for mark in marks])
+    )
 
 
 def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
-    """Return the move from a body to an equal one, and the mark of the first at each of the other; None without one.
+    """Return the move from a body to an equal one, and the mark of the first at each of the other;
+    None without one.
 
     The other body can have fewer patches.
     """
     is_patch, those = (marks.points[:, 0] == marks.points[:, 1] for marks in (one, other))
-    if is_patch[0] or not np.array_equal(np.sort(one.kinds[~is_patch]), np.sort(other.kinds[~those])):
+    if is_patch[0] or not np.array_equal(
+        np.sort(one.kinds[~is_patch]), np.sort(other.kinds[~those])
+    ):
         return None
-    same, tolerance = one.kinds[:, None] == other.kinds, ALIKE * np.abs(one.points).max()
+    same = one.kinds[:, None] == other.kinds
+    tolerance = ALIKE * np.abs(one.points).max()
     for (start, tip), mirrored in product(other.points[same[0]], (False, True)):
         first, second = Move(mirrored=mirrored)(one.points[0])
         factor = np.exp(1j * np.angle((tip - start) / (second - first)))
@@ -101,10 +116,11 @@ def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
 
 
 def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
-    """Compliances (h, 3, 3) of all hinges as `Profile.compliance`; mesh : as for `body_compliances`.
+    """Compliances (h, 3, 3) of all hinges as `Profile.compliance`; mesh : as for
+    `body_compliances`.
 
-    Hinges are alike if they have one profile and end at rigid bodies on the same sides, see `plate.end_lines`.
-    """
+    Hinges are alike if they have one profile and end at rigid bodies on the same sides, see
+    `plate.end_lines`."""
     kinds = [
         (joint.profile, joint.material, *(layout.bodies[body].fixed for body in joint.bodies))
         for joint in layout.joints
@@ -114,7 +130,8 @@ def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
 
 
 def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
-    joint, part = layout.joints[number], body_mesh(mesh, len(layout.bodies) + number)
+    joint = layout.joints[number]
+    part = body_mesh(mesh, len(layout.bodies) + number)
     z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
     part = part._replace(nodes=np.column_stack([z.real, z.imag]))
     near, far = (nodes_on(part, f"end {number} {side}") for side in ("near", "far"))
@@ -131,17 +148,29 @@ def body_mesh(mesh: StageMesh, body: int) -> StageMesh:
 
 
 def part_mesh(mesh: StageMesh, chosen: NDArray[np.bool_]) -> tuple[StageMesh, Index]:
-    """Return chosen triangles (m,) with their nodes and edges, and the numbers (n,) of all nodes there, or -1."""
+    """Return chosen triangles (m,) with their nodes and edges, and the numbers (n,) of all nodes
+    there, or -1.
+    """
     used = np.unique(mesh.triangles[chosen])
     number = np.full(len(mesh.nodes), -1)
     number[used] = np.arange(len(used))
-    edges = {name: number[edge[np.all(number[edge] >= 0, axis=1)]] for name, edge in mesh.edges.items()}
-    return StageMesh(mesh.nodes[used], number[mesh.triangles[chosen]], mesh.bodies[chosen], edges), number
+    edges = {
+        name: number[edge[np.all(number[edge] >= 0, axis=1)]] for name, edge in mesh.edges.items()
+    }
+    return StageMesh(
+        mesh.nodes[used], number[mesh.triangles[chosen]], mesh.bodies[chosen], edges
+    ), number
 
 
 def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:
-    at, part, clamped = interfaces(layout, body), body_mesh(mesh, body), bool(layout.bodies[body].clamped)
-    sections = [nodes_on(part, f"end {one.hinge} {'far' if one.far else 'near'}") for one in at if isinstance(one, End)]
+    at = interfaces(layout, body)
+    part = body_mesh(mesh, body)
+    clamped = bool(layout.bodies[body].clamped)
+    sections = [
+        nodes_on(part, f"end {one.hinge} {'far' if one.far else 'near'}")
+        for one in at
+        if isinstance(one, End)
+    ]
     held = np.unique(part.edges["clamped"]) if clamped else np.concatenate([NONE, *sections[:1]])
     moving = sections if clamped else sections[1:]
     whole = structure(part, plate_of_layout(layout, mesh=part), held=held, sections=moving)
@@ -151,7 +180,11 @@ def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:
 
     on_sections = np.eye(whole.size, whole.poses, whole.poses - whole.size)
     none_on_held = np.zeros((whole.size, 3 * len(sections) - whole.poses))
-    B = [none_on_held, on_sections, *(loads(one) @ _at(one.point) for one in at if isinstance(one, Patch))]
+    B = [
+        none_on_held,
+        on_sections,
+        *(loads(one) @ _at(one.point) for one in at if isinstance(one, Patch)),
+    ]
     balanced = np.hstack(B)
     if not clamped:
         balanced = balanced - np.tile(loads(Patch(body, 0j)), len(at))

@@ -1,8 +1,9 @@
-"""Finite elements of any plate mechanism: unit loads on its ports, weight, heat and modes from one factorisation.
+"""Finite elements of any plate mechanism: unit loads on its ports, weight, heat and modes from one
+factorisation.
 
-A load acts at a contact as a body force over a part of a body, and the motion of the contact is conjugate to it (see
-`Patch`), so that the compliance between ports is symmetric. Bodies that are fixed are left out: their nodes are held.
-"""
+A load acts at a contact as a body force over a part of a body, and the motion of the contact is
+conjugate to it (see `Patch`), so that the compliance between ports is symmetric. Bodies that are
+fixed are left out: their nodes are held."""
 
 from __future__ import annotations
 
@@ -26,26 +27,41 @@ from flexfem.mechanism.plate import in_hinge
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses
-SUBDIVISION_AT_HINGE = 16  # the same where the end of a hinge crosses: drift is as exact as the mean of a body
-SLIVER = 1e-9  # of a part of a body that is no more than a point: its second moment, per that about a remote point
+SUBDIVISION_AT_HINGE = (
+    16  # the same where the end of a hinge crosses: drift is as exact as the mean of a body
+)
+# of a part of a body that is no more than a point: its second moment, per that about a remote point
+SLIVER = 1e-9
 
 
-def plate_of_layout(layout: Layout, layers: Layers | None = None, mesh: StageMesh | None = None) -> Plate:
+def plate_of_layout(
+    layout: Layout, layers: Layers | None = None, mesh: StageMesh | None = None
+) -> Plate:
     """Return the plate of the plane problem, or with layers the material itself.
 
-    mesh : with the parts of the layout, for elastic constants of its triangles; needed if these differ.
-    """
+    mesh : with the parts of the layout, for elastic constants of its triangles; needed if these
+    differ."""
     if layout.mixed and mesh is not None:
-        E, nu, ratio = np.array([[*one[:2], one.out_of_plane] for one in layout.materials])[mesh.bodies].T
+        E, nu, ratio = np.array([[*one[:2], one.out_of_plane] for one in layout.materials])[
+            mesh.bodies
+        ].T
     else:
-        E, nu, ratio = layout.youngs_modulus, layout.poissons_ratio, layout.out_of_plane
+        E = layout.youngs_modulus
+        nu = layout.poissons_ratio
+        ratio = layout.out_of_plane
     if layers is None:
         return Plate(E, nu, layout.thickness)
-    return Plate(E * (1 - ratio**2), np.where(ratio, ratio, nu) if np.ndim(nu) else ratio or nu, layout.thickness)
+    return Plate(
+        E * (1 - ratio**2),
+        np.where(ratio, ratio, nu) if np.ndim(nu) else ratio or nu,
+        layout.thickness,
+    )
 
 
 def density_of_layout(layout: Layout, mesh: StageMesh) -> float | Array:
-    """Return the density, tonne/mm^3, of a layout, or those of the triangles of a mesh if its parts differ."""
+    """Return the density, tonne/mm^3, of a layout, or those of the triangles of a mesh if its parts
+    differ.
+    """
     if not layout.mixed:
         return layout.density
     return np.array([one.density for one in layout.materials])[mesh.bodies]
@@ -53,7 +69,9 @@ def density_of_layout(layout: Layout, mesh: StageMesh) -> float | Array:
 
 def held_nodes(layout: Layout, mesh: StageMesh) -> Index:
     """Nodes of fixed bodies and clamped edges, ascending."""
-    return np.unique(np.append(mesh.triangles[_is_fixed(layout, mesh)], mesh.edges.get("clamped", NONE)))
+    return np.unique(
+        np.append(mesh.triangles[_is_fixed(layout, mesh)], mesh.edges.get("clamped", NONE))
+    )
 
 
 def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
@@ -62,21 +80,25 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
 
 
 def contact_forces(layout: Layout, mesh: StageMesh, patch: Patch, lifting: bool = False) -> Array:
-    """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
+    """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the
+    point of a patch.
 
-    If `lifting`, forces (3, n, 1) along z, of a unit force along z and unit moments about x and y. They are zero for a
-    patch on the ground outside the plate. Radii below a fifth of a triangle are increased. The corners of hinges that
-    the mesh counts with the body, see `plate.end_lines`, carry no load.
-    Raises ComputationFailed when no part of the body is within the radius.
-    """
-    triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])
-    sums, radius, whole = np.zeros((3, len(mesh.nodes))), np.inf, quadrature(MASS_QUADRATURE)
+    If `lifting`, forces (3, n, 1) along z, of a unit force along z and unit moments about x and y.
+    They are zero for a patch on the ground outside the plate. Radii below a fifth of a triangle are
+    increased. The corners of hinges that the mesh counts with the body, see `plate.end_lines`,
+    carry no load. Raises ComputationFailed when no part of the body is within the radius."""
+    triangles = mesh.triangles[mesh.bodies == patch.body]
+    point = np.array([patch.point.real, patch.point.imag])
+    sums = np.zeros((3, len(mesh.nodes)))
+    radius = np.inf
+    whole = quadrature(MASS_QUADRATURE)
     if patch.body < 0:
         return np.zeros((*sums.shape, 1 if lifting else 2))
     if patch.radius is not None and len(triangles):
         at = mesh.nodes[triangles] - point
         middle = at.mean(axis=1)
-        size, away = np.max(np.hypot(*(at - middle[:, None]).T), axis=0), np.hypot(*middle.T)
+        size = np.max(np.hypot(*(at - middle[:, None]).T), axis=0)
+        away = np.hypot(*middle.T)
         radius = max(patch.radius, float(size[np.argmin(away)]) / 3)
         triangles = triangles[away < radius + size]
     at = mesh.nodes[triangles] - point
@@ -88,10 +110,14 @@ def contact_forces(layout: Layout, mesh: StageMesh, patch: Patch, lifting: bool 
         (triangles[crossed], _subdivided(SUBDIVISION_AT_HINGE)),
     ]
     for chosen, (points, weights) in parts:
-        phi, determinant = shape_functions(points)[0], gradients(mesh.nodes[chosen], points)[1]
+        phi = shape_functions(points)[0]
+        determinant = gradients(mesh.nodes[chosen], points)[1]
         x, y = np.einsum("eid,iq->deq", mesh.nodes[chosen] - point, phi)
-        counted = (np.hypot(x, y) <= radius) & ~_in_hinges(layout, patch.body, patch.point + x + 1j * y)
-        area, one = np.abs(determinant) * weights * counted, np.ones_like(x)
+        counted = (np.hypot(x, y) <= radius) & ~_in_hinges(
+            layout, patch.body, patch.point + x + 1j * y
+        )
+        area = np.abs(determinant) * weights * counted
+        one = np.ones_like(x)
         nodal = np.einsum("keq,iq->kei", np.array([one, x, y]) * area, phi)
         for total, values in zip(sums, nodal, strict=True):
             np.add.at(total, chosen, values)
@@ -100,20 +126,30 @@ def contact_forces(layout: Layout, mesh: StageMesh, patch: Patch, lifting: bool 
     forces = np.moveaxis(np.array([[even, zero], [zero, even], [-along_y, along_x]]), 1, 2)
     resultants = resultants_of(mesh.nodes - point, forces)
     if not np.linalg.det(resultants) > SLIVER * resultants[0, 0] ** 2 * resultants[2, 2]:
-        raise ComputationFailed(f"no part of body {patch.body} within {radius:g} mm of ({point[0]:g}, {point[1]:g}) mm")
+        raise ComputationFailed(
+            f"no part of body {patch.body} within {radius:g} mm of ({point[0]:g}, {point[1]:g}) mm"
+        )
     if lifting:
         forces = np.array([even, along_y, -along_x])
         arms = np.stack([np.ones(len(mesh.nodes)), *(mesh.nodes - point).T[::-1]])
-        resultants, forces = np.diag([1.0, 1.0, -1.0]) @ arms @ forces.T, forces[..., None]
+        resultants = np.diag([1.0, 1.0, -1.0]) @ arms @ forces.T
+        forces = forces[..., None]
     return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
 
 
 def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:
     """Nodal forces (k, n, 2), N, of unit loads on the ports, those on held nodes included."""
-    contacts = {patch: contact_forces(layout, mesh, patch) for port in layout.ports for patch, _ in port.parts}
+    contacts = {
+        patch: contact_forces(layout, mesh, patch)
+        for port in layout.ports
+        for patch, _ in port.parts
+    }
     return np.array(
         [
-            np.sum([np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts], axis=0)
+            np.sum(
+                [np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts],
+                axis=0,
+            )
             for port in layout.ports
         ]
     )
@@ -129,7 +165,9 @@ def _in_hinges(layout: Layout, body: int, z: AnyArray) -> NDArray[np.bool_]:
 
 
 def _subdivided(count: int) -> tuple[Array, Array]:
-    """Points (q, 2) and weights (q,) of the midpoint rule on a reference triangle with divided sides."""
+    """Points (q, 2) and weights (q,) of the midpoint rule on a reference triangle with divided
+    sides.
+    """
     corners = [(i, j, up) for i in range(count) for j in range(count - i) for up in (1, 2)]
     points = np.array([(i + up / 3, j + up / 3) for i, j, up in corners if i + j + up <= count])
     return points / count, np.full(len(points), 0.5 / len(points))
@@ -137,11 +175,12 @@ def _subdivided(count: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class PlateModel(Factorised):
-    """A factorised plate with all loads that act on it; `structure` has the bodies that are not fixed.
+    """A factorised plate with all loads that act on it; `structure` has the bodies that are not
+    fixed.
 
     layout : the mechanism.   mesh : the whole, whose nodes are those of `structure`.
-    port_forces : nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes included.
-    """
+    port_forces : nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes
+    included."""
 
     layout: Layout = field(kw_only=True)
     mesh: StageMesh = field(kw_only=True)
@@ -151,12 +190,14 @@ class PlateModel(Factorised):
     def mass(self) -> Mass:
         """Mass of the plate, its payloads and actuators.
 
-        A body on the plate moves along x and y and rotates; out of the plane it moves along z and rotates about x and
-        y, where a payload is a flat body, which has half of its moment of inertia.
-        """
+        A body on the plate moves along x and y and rotates; out of the plane it moves along z and
+        rotates about x and y, where a payload is a flat body, which has half of its moment of
+        inertia."""
         lifting = bool(self.structure.line.fixed)
         bodies = [(load.contact, load.mass, load.inertia) for load in self.layout.payloads]
-        bodies += [(at, each.mass / 2, 0.0) for each in self.layout.actuators for at in each.contacts]
+        bodies += [
+            (at, each.mass / 2, 0.0) for each in self.layout.actuators for at in each.contacts
+        ]
         bodies = [body for body in bodies if any(body[1:])]
         inertia = [(m, j / 2, j / 2) if lifting else (m, m, j) for _, m, j in bodies]
         plane = [contact_forces(self.layout, self.mesh, patch, lifting) for patch, _, _ in bodies]
@@ -167,26 +208,35 @@ class PlateModel(Factorised):
 
 
 def through_thickness(structure: Structure, plane: Array) -> Array:
-    """Spread forces (k, n, 2) in the plane, or (k, n, 1) along z, evenly through the thickness: (k, n, ...)."""
+    """Spread forces (k, n, 2) in the plane, or (k, n, 1) along z, evenly through the thickness: (k,
+    n, ...).
+    """
     line = structure.line
     if line.axes == 2:
         return plane
     share = line.values @ line.weights / line.weights.sum()
-    return np.pad(plane[:, :, None] * share[:, None], [*[(0, 0)] * 3, (0, 1) if plane.shape[2] == 2 else (2, 0)])
+    return np.pad(
+        plane[:, :, None] * share[:, None],
+        [*[(0, 0)] * 3, (0, 1) if plane.shape[2] == 2 else (2, 0)],
+    )
 
 
 def _hinge_nodes(layout: Layout, mesh: StageMesh) -> tuple[Index, ...]:
     """Nodes of the triangles of every hinge, without those of `_at_fixed_end`."""
-    parts = [np.unique(mesh.triangles[mesh.bodies == part + len(layout.bodies)]) for part in range(len(layout.joints))]
+    parts = [
+        np.unique(mesh.triangles[mesh.bodies == part + len(layout.bodies)])
+        for part in range(len(layout.joints))
+    ]
     pairs = zip(parts, layout.joints, strict=True)
     return tuple(nodes[~_at_fixed_end(layout, joint, mesh.nodes[nodes])] for nodes, joint in pairs)
 
 
 def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool_]:
-    """Return which nodes (n, 2) of a hinge are near a fixed body, higher than a quarter of the way from neck to end.
+    """Return which nodes (n, 2) of a hinge are near a fixed body, higher than a quarter of the way
+    from neck to end.
 
-    A fixed body is rigid. The stress at the corners of such an end is therefore singular, in heat most of all.
-    """
+    A fixed body is rigid. The stress at the corners of such an end is therefore singular, in heat
+    most of all."""
     x = ((nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)).real
     high = joint.profile.height(x) > 0.75 * joint.profile.neck + 0.25 * joint.profile.end_height
     fixed = [layout.bodies[body].fixed for body in joint.bodies]
@@ -194,11 +244,12 @@ def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool
 
 
 def hinge_stress(response: Response, loads: Array) -> Array:
-    """Highest von Mises stress (..., h), MPa, at every hinge under loads (..., c), multiples of the cases.
+    """Highest von Mises stress (..., h), MPa, at every hinge under loads (..., c), multiples of the
+    cases.
 
-    It is the highest at the nodes of the triangles of the hinge, without those of `_at_fixed_end`. At a sharp root,
-    without a fillet, the stress is singular: it grows without limit as the mesh is refined.
-    """
+    It is the highest at the nodes of the triangles of the hinge, without those of `_at_fixed_end`.
+    At a sharp root, without a fillet, the stress is singular: it grows without limit as the mesh is
+    refined."""
     flat = np.reshape(loads, (-1, len(response.nodal)))
     highest = [
         highest_stress(stress, flat, response.ratio_of(part)).max(axis=1)
@@ -208,12 +259,14 @@ def hinge_stress(response: Response, loads: Array) -> Array:
 
 
 def warm_stress(response: Response, across: ArrayLike = 0.0, unlike: ArrayLike = 0.0) -> Array:
-    """Highest von Mises stress (3 cases, h), MPa, at the nodes of every hinge as in `hinge_stress`, after `warmed`.
+    """Highest von Mises stress (3 cases, h), MPa, at the nodes of every hinge as in `hinge_stress`,
+    after `warmed`.
 
     across : () or (h,), MPa, stress out of the plane per kelvin besides that of plane strain.
     unlike : () or (h,), 1/K, expansion of the hinges less that of the plate.
     """
-    mesh, plate = response.structure.mesh, response.structure.plate
+    mesh = response.structure.mesh
+    plate = response.structure.plate
     places = mesh.nodes
     numbers = response.hinge_numbers
     across, unlike = (np.broadcast_to(each, len(numbers)) for each in (across, unlike))
@@ -231,7 +284,8 @@ def warm_stress(response: Response, across: ArrayLike = 0.0, unlike: ArrayLike =
 
 
 def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
-    """Factorise a plate, plane or extruded; with antisymmetric layers, the only port is the output out of the plane.
+    """Factorise a plate, plane or extruded; with antisymmetric layers, the only port is the output
+    out of the plane.
 
     Raises ComputationFailed when a part is not held, or for too many unknowns.
     """
@@ -261,16 +315,20 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
 
     Parameters
     ----------
-    mesh : of the layout: `bodies` are those of the layout, then its hinges; held are fixed bodies and edges `clamped`.
+    mesh : of the layout: `bodies` are those of the layout, then its hinges; held are fixed bodies
+    and edges `clamped`.
     layers : through the thickness, for three dimensions.
 
-    Raises ComputationFailed as `plate_model`, `contact_forces`, and when forces or energy do not balance.
-    """
+    Raises ComputationFailed as `plate_model`, `contact_forces`, and when forces or energy do not
+    balance."""
     return plate_model(layout, mesh, layers).response()
 
 
-def warmed(model: PlateModel, expansion: float, ground_expansion: float, of_parts: Array | None = None) -> Response:
-    """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K, of the plane problem or with layers.
+def warmed(
+    model: PlateModel, expansion: float, ground_expansion: float, of_parts: Array | None = None
+) -> Response:
+    """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K, of the plane problem or with
+    layers.
 
     The ground expands about the origin as a free body of its own material; motions include this.
     of_parts : expansions of all bodies, then of all hinges, if they differ from that of the plate.
@@ -280,19 +338,26 @@ def warmed(model: PlateModel, expansion: float, ground_expansion: float, of_part
         unlike = (of_parts - expansion)[model.structure.mesh.bodies]
         strained = model.response(_loads_of_expansion(model.structure, unlike))
         response = replace(response, nodal=response.nodal + strained.nodal)
-    free = expansion * np.tensordot(HEAT_CASES, free_displacement(model.mesh.nodes, model.structure.layers), axes=1)
+    free = expansion * np.tensordot(
+        HEAT_CASES, free_displacement(model.mesh.nodes, model.structure.layers), axes=1
+    )
     forces = model.port_forces.reshape(len(model.port_forces), -1)
     motions = forces @ (response.nodal + free).reshape(len(free), -1).T
     for k, port in enumerate(model.layout.ports):
         for at, wrench in ((patch.point, wrench) for patch, wrench in port.parts if patch.body < 0):
-            moved = HEAT_CASES @ free_displacement(np.array([[at.real, at.imag]]))[:, 0]  # outside the plate
-            motions[k] += ground_expansion * np.column_stack([moved, [0.0, at.imag, -at.real]]) @ wrench
+            moved = (
+                HEAT_CASES @ free_displacement(np.array([[at.real, at.imag]]))[:, 0]
+            )  # outside the plate
+            motions[k] += (
+                ground_expansion * np.column_stack([moved, [0.0, at.imag, -at.real]]) @ wrench
+            )
     return replace(response, motions=motions)
 
 
 def _loads_of_expansion(structure: Structure, expansion: Array) -> Array:
     """Loads (size, 3) that balance the free expansions (e,), 1/K, of triangles in `HEAT_CASES`."""
-    line, nodes = structure.line, structure.mesh.nodes
+    line = structure.line
+    nodes = structure.mesh.nodes
     forces = np.zeros((3, len(nodes), *structure.shape))
     for piece in (piece for batch in structure.batches for piece in batch.pieces()):
         x, y = np.einsum("iq,eid->deq", piece.phi, nodes[piece.triangles])
@@ -304,20 +369,26 @@ def _loads_of_expansion(structure: Structure, expansion: Array) -> Array:
 
 
 def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> Modes:
-    """Return the lowest `count` modes with payloads and the masses of actuators, whose stiffness acts if `engaged`.
+    """Return the lowest `count` modes with payloads and the masses of actuators, whose stiffness
+    acts if `engaged`.
 
-    With antisymmetric layers they are out of the plane, where the stiffness of actuators does not act.
-    Raises ComputationFailed when they do not converge.
-    """
-    springs, structure, space = model.layout.drive.stiffness * engaged, model.structure, model.spaces[0]
+    With antisymmetric layers they are out of the plane, where the stiffness of actuators does not
+    act. Raises ComputationFailed when they do not converge."""
+    springs = model.layout.drive.stiffness * engaged
+    structure = model.structure
+    space = model.spaces[0]
     springs = springs[:0] if structure.line.fixed else springs
     stacks = model.ports[:, model.ports.shape[1] - len(springs) :]
 
     def twice(loads: Array) -> Array:
         motion = space.solve(loads)
-        return motion + space.solve(loads - structure.loads(structure.forces(structure.fields(motion))))
+        return motion + space.solve(
+            loads - structure.loads(structure.forces(structure.fields(motion)))
+        )
 
     try:
         return modes(vibrating_structure(model.mass, stacks, springs, space), count)
     except ComputationFailed:  # round-off of necks of some hundredths of a millimetre
-        return modes(vibrating_structure(model.mass, stacks, springs, space._replace(solve=twice)), count)
+        return modes(
+            vibrating_structure(model.mass, stacks, springs, space._replace(solve=twice)), count
+        )

@@ -1,9 +1,10 @@
-"""Stiffness by the stress that is in a plate before it moves, and the loads at which this stress makes it buckle.
+"""Stiffness by the stress that is in a plate before it moves, and the loads at which this stress
+makes it buckle.
 
-The stress S of a load changes the stiffness by `int d_A u_a S_AB d_B v_a dV`, which is linear in the load and the same
-in the plane and out of it. Loads are dead, and act at points that turn with the bodies, which changes the stiffness,
-too. J. M. T. Thompson and G. W. Hunt, A General Theory of Elastic Stability, 1973.
-"""
+The stress S of a load changes the stiffness by `int d_A u_a S_AB d_B v_a dV`, which is linear in
+the load and the same in the plane and out of it. Loads are dead, and act at points that turn with
+the bodies, which changes the stiffness, too. J. M. T. Thompson and G. W. Hunt, A General Theory of
+Elastic Stability, 1973."""
 
 from __future__ import annotations
 
@@ -27,16 +28,20 @@ from flexfem.refused import ComputationFailed
 BASIS = 30  # vectors of ARPACK
 TOLERANCE = 1e-9  # of the factors, relative
 SMALL_STRAIN = 0.1  # at buckling, of the most stressed parts
-SLENDER = 30.0  # least ratio of the squares of displacement gradients and of strains, where parts buckle
+SLENDER = (
+    30.0  # least ratio of the squares of displacement gradients and of strains, where parts buckle
+)
 
 
 class Prestress(NamedTuple):
-    """Change of the stiffness of a structure by stress in it and by the loads that cause this stress.
+    """Change of the stiffness of a structure by stress in it and by the loads that cause this
+    stress.
 
     matrix : (n m, n m), N/mm, for every axis of the displacements of the nodes.
-    level : MPa, stress of the most stressed parts, by its fourth and second powers; a singular corner adds little.
-    at, carried : (size, r) and (r, r), loads of motions of contacts, and the change of the stiffness of these motions.
-    """
+    level : MPa, stress of the most stressed parts, by its fourth and second powers; a singular
+    corner adds little.
+    at, carried : (size, r) and (r, r), loads of motions of contacts, and the change of the
+    stiffness of these motions."""
 
     structure: Structure
     matrix: sp.csr_array
@@ -50,18 +55,25 @@ class Prestress(NamedTuple):
         forces = np.empty_like(fields)
         for force, field in zip(forces, fields, strict=True):
             force[:] = (self.matrix @ field.reshape(self.matrix.shape[0], -1)).reshape(field.shape)
-        return np.asarray(self.structure.loads(forces) + self.at @ (self.carried @ (self.at.T @ motion)))
+        return np.asarray(
+            self.structure.loads(forces) + self.at @ (self.carried @ (self.at.T @ motion))
+        )
 
 
 class CriticalShapes(NamedTuple):
-    """Multiples (s,) of a load at which a plate buckles, ascending, and the shapes (size, s) of its unknowns."""
+    """Multiples (s,) of a load at which a plate buckles, ascending, and the shapes (size, s) of its
+    unknowns.
+    """
 
     factors: Array
     shapes: Array
 
 
-def prestress_by(model: PlateModel, load: Array, held: tuple[int, ...] = (), residual: float = 0.0) -> Prestress:
-    """Return the change of the stiffness by a load (k,) on the ports: by its linear stress in the shape at rest.
+def prestress_by(
+    model: PlateModel, load: Array, held: tuple[int, ...] = (), residual: float = 0.0
+) -> Prestress:
+    """Return the change of the stiffness by a load (k,) on the ports: by its linear stress in the
+    shape at rest.
 
     held : ports whose displacements stay zero.
     residual : stress of the plate, MPa, in all directions of the plane before it can deform.
@@ -116,12 +128,16 @@ def stiffened(change: Prestress) -> Solve:
     """
     structure = change.structure
     on_axes = sp.kron(change.matrix, sp.eye_array(structure.line.axes), format="csr")
-    lower = sp.csr_array(structure.lower() + sp.tril(structure.T.T @ on_axes @ structure.T, format="csr"))
+    lower = sp.csr_array(
+        structure.lower() + sp.tril(structure.T.T @ on_axes @ structure.T, format="csr")
+    )
     lower.sort_indices()
     try:
         solve = factorise(lower, structure.order(), structure.poses)
     except ComputationFailed:
-        raise ComputationFailed("the plate buckles before its preload is reached, expected a smaller one") from None
+        raise ComputationFailed(
+            "the plate buckles before its preload is reached, expected a smaller one"
+        ) from None
     if not change.at.shape[1]:
         return solve
     soft = solve(change.at)
@@ -135,16 +151,20 @@ def stiffened(change: Prestress) -> Solve:
 
 
 def lifted(change: Prestress, model: PlateModel, load: Array) -> Prestress:
-    """Return the change of the stiffness out of the plane by a load (k,) on the ports, of a plate with the same layers.
+    """Return the change of the stiffness out of the plane by a load (k,) on the ports, of a plate
+    with the same layers.
 
     Notes
     -----
-    A force f at an arm r from the centroid of its contact does the work `f . (w x (w x r)) / 2` at rotations w of the
-    contact out of the plane. The nodal forces of the couple by which it differs from a force at the centroid do such
-    work by themselves, which the stress contains. Moments are couples of forces that keep their direction.
-    """
-    columns, blocks = [np.zeros((model.structure.size, 0))], list[Array]()
-    layout, mesh, structure = model.layout, model.mesh, model.structure
+    A force f at an arm r from the centroid of its contact does the work `f . (w x (w x r)) / 2` at
+    rotations w of the contact out of the plane. The nodal forces of the couple by which it differs
+    from a force at the centroid do such work by themselves, which the stress contains. Moments are
+    couples of forces that keep their direction."""
+    columns = [np.zeros((model.structure.size, 0))]
+    blocks = list[Array]()
+    layout = model.layout
+    mesh = model.mesh
+    structure = model.structure
     for patch, wrench in loaded_contacts(layout, load).items():
         along_x, along_y, couple = contact_forces(layout, mesh, patch)
         arm = arm_of(along_x, along_y, couple)
@@ -158,22 +178,28 @@ def lifted(change: Prestress, model: PlateModel, load: Array) -> Prestress:
 
 
 def _second_order(virial: Array) -> Array:
-    """Return the second derivatives (2, 2), by rotations about x and y, of the work of forces of `sum f r'` (2, 2)."""
+    """Return the second derivatives (2, 2), by rotations about x and y, of the work of forces of
+    `sum f r'` (2, 2).
+    """
     both = (virial[0, 1] + virial[1, 0]) / 2
     return np.array([[-virial[1, 1], both], [both, -virial[0, 0]]])
 
 
-def critical_shapes(model: PlateModel, change: Prestress, held: tuple[int, ...], count: int) -> CriticalShapes:
-    """Return at most `count` positive factors of a load that changes the stiffness, at which a plate buckles.
+def critical_shapes(
+    model: PlateModel, change: Prestress, held: tuple[int, ...], count: int
+) -> CriticalShapes:
+    """Return at most `count` positive factors of a load that changes the stiffness, at which a
+    plate buckles.
 
     held : ports whose displacements stay zero.
 
     Notes
     -----
-    `(K + a K_s) u = 0` is solved for the largest 1 / a by ARPACK, with the inverse of K on motions that leave the held
-    ports at rest. Slender parts that buckle turn far more than they are strained, by the root of the inverse of the
-    strain before buckling. Shapes that do not, and factors at which strains are not small, are left out: compression
-    at a corner of a stretched leaf has them.
+    `(K + a K_s) u = 0` is solved for the largest 1 / a by ARPACK, with the inverse of K on motions
+    that leave the held ports at rest. Slender parts that buckle turn far more than they are
+    strained, by the root of the inverse of the strain before buckling. Shapes that do not, and
+    factors at which strains are not small, are left out: compression at a corner of a stretched
+    leaf has them.
 
     Raises ComputationFailed when ARPACK does not converge.
     """
@@ -187,14 +213,23 @@ def critical_shapes(model: PlateModel, change: Prestress, held: tuple[int, ...],
         fields = structure.fields(motion.reshape(-1, 1))
         return structure.loads(structure.forces(fields))[:, 0]
 
-    softening = LinearOperator(shape, matvec=lambda u: -change.loads(u.reshape(-1, 1))[:, 0], dtype=float)
+    softening = LinearOperator(
+        shape, matvec=lambda u: -change.loads(u.reshape(-1, 1))[:, 0], dtype=float
+    )
     inverse = LinearOperator(shape, matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=float)
     stiffness = LinearOperator(shape, matvec=stiff, dtype=float)
     start = inverse @ np.random.default_rng(0).standard_normal(structure.size)  # reproducible
     basis = max(BASIS, 2 * count + 1)
     try:
         values, shapes = eigsh(
-            softening, count, stiffness, which="LA", Minv=inverse, v0=start, ncv=basis, tol=TOLERANCE
+            softening,
+            count,
+            stiffness,
+            which="LA",
+            Minv=inverse,
+            v0=start,
+            ncv=basis,
+            tol=TOLERANCE,
         )
     except ArpackError as failure:
         raise ComputationFailed(f"buckling: {failure}") from None
@@ -206,22 +241,31 @@ def critical_shapes(model: PlateModel, change: Prestress, held: tuple[int, ...],
 
 
 def _slenderness(structure: Structure, shapes: Array) -> Array:
-    """Return the ratios (s,) of displacement gradients to strains of shapes (size, s), as means of their squares."""
+    """Return the ratios (s,) of displacement gradients to strains of shapes (size, s), as means of
+    their squares.
+    """
     uniform = _of_stress(structure, partial(_unit_stress, structure))
     turning = Prestress(structure, uniform, np.zeros((structure.size, 0)), np.zeros((0, 0)))
     strained = structure.loads(structure.forces(structure.fields(shapes)))
     gradients = np.sum(shapes * turning.loads(shapes), axis=0)
-    return np.asarray(structure.plate.youngs_modulus * gradients / np.sum(shapes * strained, axis=0))
+    return np.asarray(
+        structure.plate.youngs_modulus * gradients / np.sum(shapes * strained, axis=0)
+    )
 
 
 def _unit_stress(structure: Structure, batch: ElementBatch) -> Array:
     """Stress of 1 MPa in all directions at the points of a batch."""
-    axes, points = structure.line.axes, batch.weights.shape[1] * len(structure.line.weights)
-    return np.broadcast_to(np.eye(axes)[None, :, :, None], (len(batch.triangles), axes, axes, points))
+    axes = structure.line.axes
+    points = batch.weights.shape[1] * len(structure.line.weights)
+    return np.broadcast_to(
+        np.eye(axes)[None, :, :, None], (len(batch.triangles), axes, axes, points)
+    )
 
 
 def _held(solve: Solve, ports: Array) -> Solve:
-    """Return the inverse of a stiffness with ports (size, p) held: `X - Z (P' Z)^-1 P' X` with `Z = K^-1 P`."""
+    """Return the inverse of a stiffness with ports (size, p) held: `X - Z (P' Z)^-1 P' X` with `Z =
+    K^-1 P`.
+    """
     if not ports.shape[1]:
         return solve
     Z = solve(ports)
@@ -235,7 +279,9 @@ def _held(solve: Solve, ports: Array) -> Solve:
 
 
 def _of_stress(structure: Structure, stress_of: Callable[[ElementBatch], Array]) -> sp.csr_array:
-    """Return the matrix (n m, n m), N/mm, of stresses (e, d, d, q z), MPa, of the elements of a batch."""
+    """Return the matrix (n m, n m), N/mm, of stresses (e, d, d, q z), MPa, of the elements of a
+    batch.
+    """
     line = structure.line
     heights = np.arange(len(line.heights))
     size = len(structure.mesh.nodes) * len(heights)
@@ -255,12 +301,16 @@ def _of_stress(structure: Structure, stress_of: Callable[[ElementBatch], Array])
 
 
 def _of_elements(piece: ElementBatch, line: Layers, stress: Array) -> Array:
-    """Return `int d_A phi_i psi_k S_AB d_B phi_j psi_l dV` (e, 6 m, 6 m) of stresses (e, d, d, q z)."""
+    """Return `int d_A phi_i psi_k S_AB d_B phi_j psi_l dV` (e, 6 m, 6 m) of stresses (e, d, d, q
+    z).
+    """
     count = len(piece.triangles)
     slopes = np.einsum("eiaq,mz->eimaqz", piece.gradients, line.values)
     if line.axes == 3:
         along_z = np.einsum("iq,mz->imqz", piece.phi, line.slopes)
-        along_z = np.broadcast_to(along_z[None, :, :, None], (*slopes.shape[:3], 1, *slopes.shape[4:]))
+        along_z = np.broadcast_to(
+            along_z[None, :, :, None], (*slopes.shape[:3], 1, *slopes.shape[4:])
+        )
         slopes = np.concatenate([slopes, along_z], axis=3)
     weights = piece.weights[:, :, None] * line.weights
     weighted = stress.reshape(*stress.shape[:3], *weights.shape[1:]) * weights[:, None, None]

@@ -1,16 +1,19 @@
-"""Static response of a structure: loads on a rigid hub, stacks or ports, weight, heat, and displacements of the ground.
+"""Static response of a structure: loads on a rigid hub, stacks or ports, weight, heat, and
+displacements of the ground.
 
-One factorisation serves all cases; iterative refinement uses residuals from displacement differences within elements,
-and balances are checked. The force of a stack on a link is a body force over its station, and the opening of a stack
-is a mean with the same weights, so that the compliance is symmetric; on the platform both act on the hub.
+One factorisation serves all cases; iterative refinement uses residuals from displacement
+differences within elements, and balances are checked. The force of a stack on a link is a body
+force over its station, and the opening of a stack is a mean with the same weights, so that the
+compliance is symmetric; on the platform both act on the hub.
 
-A structure warmed on a frame has the stress `D (e(u) - e0)` with the free thermal strain e0. A temperature linear in
-space leaves a free homogeneous body without stress: `T = 1` with `u0 = r`, and `T = x_a` with
-`u0 = x_a r - e_a r^2 / 2`, per expansion. The unknown is `d = u - u0`, prescribed on the clamped edges by the expansion
-of the frame relative to the material; a difference of solutions would lose digits where both expand nearly equally. On
-the hub, which deforms as free material, d is a rigid motion. So all results are proportional to the expansion of the
-frame less that of the material. A gradient through the thickness is antisymmetric: u = v = 0 on the mid-plane, w free.
-"""
+A structure warmed on a frame has the stress `D (e(u) - e0)` with the free thermal strain e0. A
+temperature linear in space leaves a free homogeneous body without stress: `T = 1` with `u0 = r`,
+and `T = x_a` with `u0 = x_a r - e_a r^2 / 2`, per expansion. The unknown is `d = u - u0`,
+prescribed on the clamped edges by the expansion of the frame relative to the material; a difference
+of solutions would lose digits where both expand nearly equally. On the hub, which deforms as free
+material, d is a rigid motion. So all results are proportional to the expansion of the frame less
+that of the material. A gradient through the thickness is antisymmetric: u = v = 0 on the mid-plane,
+w free."""
 
 from __future__ import annotations
 
@@ -38,12 +41,15 @@ HEAT_CASES = np.eye(3)[[2, 0, 1]]
 
 @dataclass(frozen=True)
 class Factorised:
-    """A factorised structure, the whole or one of three identical sectors of a stage, and its ports.
+    """A factorised structure, the whole or one of three identical sectors of a stage, and its
+    ports.
 
     spaces : that of the whole, or those of harmonics 0 and 1 of the sector.
-    ports : (size, k), unit loads on the unknowns: of the three directions of the hub, of stacks, or of contacts.
+    ports : (size, k), unit loads on the unknowns: of the three directions of the hub, of stacks, or
+    of contacts.
     sectors : of a stage that is given by them; one represents three.
-    regions : nodes of each region whose stress is needed.   ratio : of stresses in the plane, see `von_mises`.
+    regions : nodes of each region whose stress is needed.   ratio : of stresses in the plane, see
+    `von_mises`.
     bodies : nodes of each moving body whose stress is needed.
     """
 
@@ -65,27 +71,41 @@ class Factorised:
         """Clamped nodes of each part of the ground."""
         if self.cyclic:
             return [nodes_on(self.structure.mesh, "ground")]
-        mesh, moving = self.structure.mesh, np.append(self.structure.free, self.structure.hub)
-        return clamped_nodes(mesh) if "hub" in mesh.edges else [np.setdiff1d(np.arange(len(mesh.nodes)), moving)]
+        mesh = self.structure.mesh
+        moving = np.append(self.structure.free, self.structure.hub)
+        return (
+            clamped_nodes(mesh)
+            if "hub" in mesh.edges
+            else [np.setdiff1d(np.arange(len(mesh.nodes)), moving)]
+        )
 
     def solve(self, loads: Array) -> Array:
-        """Unknowns (size, k) under loads (size, k); a sector takes three, which rotate by sectors as x, y, theta do."""
+        """Unknowns (size, k) under loads (size, k); a sector takes three, which rotate by sectors
+        as x, y, theta do.
+        """
         if not self.cyclic:
             return self.spaces[0].solution(loads)
-        return np.hstack([self.spaces[1].solution(loads[:, :2]), self.spaces[0].solution(loads[:, 2:])])
+        return np.hstack(
+            [self.spaces[1].solution(loads[:, :2]), self.spaces[0].solution(loads[:, 2:])]
+        )
 
     def response(self, loads: Array | None = None, prescribed: Array | None = None) -> Response:
-        """Solve and refine until forces and energy balance. Raises ComputationFailed when they do not.
+        """Solve and refine until forces and energy balance. Raises ComputationFailed when they do
+        not.
 
-        loads : (size, c), on the unknowns, a third of those of the whole if `cyclic`; None for unit loads on the ports.
+        loads : (size, c), on the unknowns, a third of those of the whole if `cyclic`; None for unit
+        loads on the ports.
         prescribed : (c, n, ...), displacements of clamped nodes, zero elsewhere, instead of loads.
         """
-        structure, cyclic = self.structure, self.cyclic
+        structure = self.structure
+        cyclic = self.cyclic
         if prescribed is not None:
             loads = np.zeros((structure.size, len(prescribed)))
         elif loads is None:
             loads = self.ports / (3 if cyclic else 1)
-        count, points, order = loads.shape[1], structure.mesh.nodes, structure.vector_first
+        count = loads.shape[1]
+        points = structure.mesh.nodes
+        order = structure.vector_first
         rotations = [chain_rotation(chain) for chain in range(3)] if cyclic else [np.eye(count)]
         scale = np.ones(3)
         scale[order[2:] if order[0] == 0 else order[:2]] = 1 / np.max(np.abs(points))  # moments
@@ -95,24 +115,37 @@ class Factorised:
         def of_chains(values: Array) -> list[Array]:
             """Resultants (c, 3) of every chain from those of one."""
             inverse = np.argsort(order)
-            return [(R @ values[:, order] @ R.T)[:, inverse] for R in rotations] if cyclic else [values]
+            return (
+                [(R @ values[:, order] @ R.T)[:, inverse] for R in rotations]
+                if cyclic
+                else [values]
+            )
 
         def summed(values: Array) -> Array:
             """Products (c, c) of cases of the whole from those of one chain."""
             return np.asarray(np.sum([R @ values @ R.T for R in rotations], axis=0))
 
         loaded = np.sum(of_chains(loads.T @ structure.rigid), axis=0)
-        on_nodes = np.sum(np.abs(loads[: structure.size - structure.poses]), axis=0)  # loads may have no resultant
-        offset = np.zeros((count, len(points), *structure.shape)) if prescribed is None else prescribed
-        residual = loads if prescribed is None else loads - structure.loads(structure.forces(prescribed))
+        on_nodes = np.sum(
+            np.abs(loads[: structure.size - structure.poses]), axis=0
+        )  # loads may have no resultant
+        offset = (
+            np.zeros((count, len(points), *structure.shape)) if prescribed is None else prescribed
+        )
+        residual = (
+            loads if prescribed is None else loads - structure.loads(structure.forces(prescribed))
+        )
         motion = np.zeros_like(loads)
         for _ in range(MOST_SOLVES):
             motion = motion + self.solve(residual)
             nodal = offset + structure.fields(motion)
             forces = structure.forces(nodal)
-            residual, flat = loads - structure.loads(forces), forces.reshape(count, -1)
+            residual = loads - structure.loads(forces)
+            flat = forces.reshape(count, -1)
             at_nodes = forces.reshape(count, len(points), -1)
-            resultants = [np.tensordot(at_nodes[:, pad], unit, axes=((1, 2), (1, 2))) for pad, unit in pads]
+            resultants = [
+                np.tensordot(at_nodes[:, pad], unit, axes=((1, 2), (1, 2))) for pad, unit in pads
+            ]
             reactions = np.stack([part for pad in resultants for part in of_chains(pad)], axis=1)
             energy = summed(nodal.reshape(count, -1) @ flat.T)
             work = summed(motion.T @ loads + offset.reshape(count, -1) @ flat.T)
@@ -120,46 +153,73 @@ class Factorised:
             if max(imbalance.values()) <= REFINED:
                 break
         if prescribed is not None:  # resultants may vanish
-            imbalance = _imbalance(reactions * scale, loaded * scale, energy, work, np.max(np.abs(flat), axis=1))
+            imbalance = _imbalance(
+                reactions * scale, loaded * scale, energy, work, np.max(np.abs(flat), axis=1)
+            )
         for name, worst in imbalance.items():
             if not worst <= BALANCE:
-                raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
+                raise ComputationFailed(
+                    f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}"
+                )
         motions = self.ports.T @ motion
         return Response(
-            structure, motions, nodal, reactions, energy, self.sectors, self.regions, self.ratio, self.bodies
+            structure,
+            motions,
+            nodal,
+            reactions,
+            energy,
+            self.sectors,
+            self.regions,
+            self.ratio,
+            self.bodies,
         )
 
     def weighed(self, mass: Mass, accelerations: Array) -> Response:
-        """Solve for the weight in c fields, (c, j), mm/s^2, along the first j components of the pose."""
+        """Solve for the weight in c fields, (c, j), mm/s^2, along the first j components of the
+        pose.
+        """
         along = np.pad(accelerations, [(0, 0), (0, 3 - accelerations.shape[1])])
         forces = mass.forces(np.tensordot(along, self.structure.rigid_fields(), axes=1))
         carried = np.tile(along.T, (mass.at.shape[1] // 3, 1))
         return self.response(self.structure.loads(forces) + mass.at @ (mass.carried @ carried))
 
     def warmed(self) -> Response:
-        """Solve for temperature cases per unit of the expansion of the frame less that of the material.
+        """Solve for temperature cases per unit of the expansion of the frame less that of the
+        material.
 
-        The cases are gradients along x and y, then a uniform change; with antisymmetric layers two empty ones, then a
-        gradient along z, the pose being z and the rotations about x and y. Displacements are relative to free material.
-        """
-        structure, clamped = self.structure, np.concatenate(self.pads)
+        The cases are gradients along x and y, then a uniform change; with antisymmetric layers two
+        empty ones, then a gradient along z, the pose being z and the rotations about x and y.
+        Displacements are relative to free material."""
+        structure = self.structure
+        clamped = np.concatenate(self.pads)
         fields = np.zeros((3, len(structure.mesh.nodes), *structure.shape))
         fields[:, clamped] = free_displacement(structure.mesh.nodes[clamped], structure.layers)
         return self.response(prescribed=fields)
 
 
-def _imbalance(pads: Array, loaded: Array, energy: Array, work: Array, largest: Array) -> dict[str, float]:
-    """Imbalance of reactions (c, pads, 3) and loads, per the largest of them and nodal forces, and of energy."""
-    tiny, size = np.finfo(float).tiny, np.sqrt(np.abs(np.diag(energy)))
-    largest = np.max([np.max(np.abs(pads), axis=(1, 2)), np.max(np.abs(loaded), axis=1), largest], axis=0)
+def _imbalance(
+    pads: Array, loaded: Array, energy: Array, work: Array, largest: Array
+) -> dict[str, float]:
+    """Imbalance of reactions (c, pads, 3) and loads, per the largest of them and nodal forces, and
+    of energy.
+    """
+    tiny = np.finfo(float).tiny
+    size = np.sqrt(np.abs(np.diag(energy)))
+    largest = np.max(
+        [np.max(np.abs(pads), axis=(1, 2)), np.max(np.abs(loaded), axis=1), largest], axis=0
+    )
     forces = np.max(np.abs(pads.sum(axis=1) + loaded), axis=1) / np.maximum(largest, tiny)
     energies = np.abs(energy - work) / np.maximum(np.outer(size, size), tiny)
-    return {"reactions and load": float(np.max(forces)), "strain energy and work": float(np.max(energies))}
+    return {
+        "reactions and load": float(np.max(forces)),
+        "strain energy and work": float(np.max(energies)),
+    }
 
 
 def clamped_nodes(mesh: StageMesh) -> list[Index]:
     """Return the nodes on the clamped edge of the pad of each chain."""
-    chain_of, ground = np.full(len(mesh.nodes), -1), nodes_on(mesh, "ground")
+    chain_of = np.full(len(mesh.nodes), -1)
+    ground = nodes_on(mesh, "ground")
     for chain in range(3):
         chain_of[mesh.triangles[mesh.bodies == 4 * chain]] = chain  # body 0, the pad
     return [ground[chain_of[ground] == chain] for chain in range(3)]
@@ -167,14 +227,17 @@ def clamped_nodes(mesh: StageMesh) -> list[Index]:
 
 @dataclass(frozen=True)
 class Response:
-    """Response of a structure to c cases; of a sector three, which rotate from chain to chain as x, y, theta do.
+    """Response of a structure to c cases; of a sector three, which rotate from chain to chain as x,
+    y, theta do.
 
     motions : (k, c), of the ports in every case, mm and rad.
-    nodal : (c, n, ...), displacements, mm, of the nodes of `structure`, which may be a sector in the frame of chain 1;
+    nodal : (c, n, ...), displacements, mm, of the nodes of `structure`, which may be a sector in
+    the frame of chain 1;
         less the free expansion.
-    pads : (c, pads, 3), force and moment of the ground on each pad of the whole, about the origin, N and N mm.
-    energy : (c, c), N mm, `u_i' K u_j` of the whole.   sectors, regions, ratio, bodies : as of `Factorised`.
-    """
+    pads : (c, pads, 3), force and moment of the ground on each pad of the whole, about the origin,
+    N and N mm.
+    energy : (c, c), N mm, `u_i' K u_j` of the whole.   sectors, regions, ratio, bodies : as of
+    `Factorised`."""
 
     structure: Structure
     motions: Array
@@ -208,7 +271,8 @@ class Response:
         if len(self.sectors) != 1:
             return self
         mesh, sector_nodes = joined(self.sectors)
-        part, nodal = self.structure, whole_fields(len(mesh.nodes), sector_nodes, chain_values([self.nodal]))
+        part = self.structure
+        nodal = whole_fields(len(mesh.nodes), sector_nodes, chain_values([self.nodal]))
         whole = structure(mesh, part.plate, part.layers, part.degree)
         return replace(self, structure=whole, nodal=nodal, sectors=())
 
@@ -237,13 +301,16 @@ class Response:
     def under(self, loads: Array) -> Response:
         """Response of the whole to combinations (n, c) of the cases."""
         whole = self.whole
-        motions, energy = whole.motions @ loads.T, loads @ whole.energy @ loads.T
+        motions = whole.motions @ loads.T
+        energy = loads @ whole.energy @ loads.T
         nodal, pads = (np.tensordot(loads, part, axes=1) for part in (whole.nodal, whole.pads))
         return replace(whole, motions=motions, nodal=nodal, pads=pads, energy=energy)
 
     @cached_property
     def stresses(self) -> list[Array]:
-        """Stress (c, p, 2, 2), MPa, of the cases at the nodes of every region; with layers (c, p, m, 3, 3)."""
+        """Stress (c, p, 2, 2), MPa, of the cases at the nodes of every region; with layers (c, p,
+        m, 3, 3).
+        """
         return self._stresses_at(self.regions, self.hinge_numbers)
 
     @cached_property
@@ -266,11 +333,15 @@ class Response:
         return list(np.unique(self.structure.mesh.bodies).tolist())
 
     def ratio_of(self, part: int) -> float:
-        """Return the ratio of stresses in the plane of a body or hinge, which follows its own Poisson's ratio."""
+        """Return the ratio of stresses in the plane of a body or hinge, which follows its own
+        Poisson's ratio.
+        """
         plate = self.structure.plate
         if not plate.mixed or not self.ratio:
             return self.ratio
-        nu = float(plate.poissons_ratio[self.structure.mesh.bodies == part][0])  # nu / (1 - nu) of the material
+        nu = float(
+            plate.poissons_ratio[self.structure.mesh.bodies == part][0]
+        )  # nu / (1 - nu) of the material
         return nu / (1 + nu)
 
     def _stresses_at(self, regions: tuple[Index, ...], numbers: Sequence[int]) -> list[Array]:
@@ -288,45 +359,80 @@ def factorised_whole(structure: Structure, ports: Array | None = None, **others:
 
 
 def factorised_stage(
-    sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
+    sectors: tuple[Sector, ...],
+    plate: Plate,
+    layers: Layers | None = None,
+    degree: int | None = None,
 ) -> Factorised:
-    """Factorise a stage given by one sector or three; `degree` is that of the quadrature in the plane.
+    """Factorise a stage given by one sector or three; `degree` is that of the quadrature in the
+    plane.
 
     Raises ComputationFailed as `factorised_whole`.
     """
     if len(sectors) == 3:
-        return factorised_whole(structure(joined(sectors)[0], plate, layers, degree), sectors=sectors)
+        return factorised_whole(
+            structure(joined(sectors)[0], plate, layers, degree), sectors=sectors
+        )
     (sector,) = sectors
-    part = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
-    return Factorised(part, harmonic_spaces(part, len(sector.ahead)), np.eye(part.size, 3, 3 - part.size), sectors)
+    part = structure(
+        sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead])
+    )
+    return Factorised(
+        part, harmonic_spaces(part, len(sector.ahead)), np.eye(part.size, 3, 3 - part.size), sectors
+    )
 
 
 def unit_response(
-    sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
+    sectors: tuple[Sector, ...],
+    plate: Plate,
+    layers: Layers | None = None,
+    degree: int | None = None,
 ) -> Response:
-    """Solve a stage for unit loads on the rigid hub with the ground clamped. Raises ComputationFailed."""
+    """Solve a stage for unit loads on the rigid hub with the ground clamped. Raises
+    ComputationFailed.
+    """
     return factorised_stage(sectors, plate, layers, degree).response()
 
 
 def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> Response:
-    """Solve as `unit_response` on a whole mesh; the compliance is the pose block of `(T' K T)^-1`, hence symmetric."""
+    """Solve as `unit_response` on a whole mesh; the compliance is the pose block of `(T' K T)^-1`,
+    hence symmetric.
+    """
     return factorised_whole(structure(mesh, plate, degree=degree)).response()
 
 
-def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float) -> Response:
+def heat_response(
+    mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float
+) -> Response:
     """Solve a stage in the plane for `HEAT_CASES` with expansions, 1/K. Raises ComputationFailed."""
-    return factorised_whole(structure(mesh, plate)).warmed().under((frame_expansion - stage_expansion) * HEAT_CASES)
+    return (
+        factorised_whole(structure(mesh, plate))
+        .warmed()
+        .under((frame_expansion - stage_expansion) * HEAT_CASES)
+    )
 
 
 def resultants_of(nodes: Array, forces: Array) -> Array:
     """Force and moment (3, k) about the origin of forces (k, n, 2) at nodes (n, 2)."""
-    (x, y), (fx, fy) = nodes.T, np.moveaxis(forces, -1, 0)
+    x, y = nodes.T
+    fx, fy = np.moveaxis(forces, -1, 0)
     return np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
 
 
 def free_displacement(points: Array, layers: Layers | None = None) -> Array:
-    """Displacements (3 cases of `Factorised.warmed`, n, 2) or (3, n, m, 3), mm, per expansion, of a free body."""
-    r = points if layers is None else np.stack(np.broadcast_arrays(*points.T[:, :, None], layers.heights), axis=-1)
+    """Displacements (3 cases of `Factorised.warmed`, n, 2) or (3, n, m, 3), mm, per expansion, of a
+    free body.
+    """
+    r = (
+        points
+        if layers is None
+        else np.stack(np.broadcast_arrays(*points.T[:, :, None], layers.heights), axis=-1)
+    )
     axes = r.shape[-1]
-    along = [r[..., a, None] * r - np.eye(axes)[a] * np.sum(r**2, axis=-1, keepdims=True) / 2 for a in range(axes)]
-    return np.stack([0 * r, 0 * r, along[2]] if layers and layers.fixed else [along[0], along[1], r])
+    along = [
+        r[..., a, None] * r - np.eye(axes)[a] * np.sum(r**2, axis=-1, keepdims=True) / 2
+        for a in range(axes)
+    ]
+    return np.stack(
+        [0 * r, 0 * r, along[2]] if layers and layers.fixed else [along[0], along[1], r]
+    )

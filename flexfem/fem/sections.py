@@ -1,9 +1,8 @@
 """Forces and moments through sections of a plate, and its highest strains, by finite elements.
 
-A section follows the sides of triangles. The forces of the elements on one side, at its nodes, are in exact balance
-with what acts on this side. A section along a line is therefore that of the triangles whose middles are beside it; it
-differs from the line by what loads act between both.
-"""
+A section follows the sides of triangles. The forces of the elements on one side, at its nodes, are
+in exact balance with what acts on this side. A section along a line is therefore that of the
+triangles whose middles are beside it; it differs from the line by what loads act between both."""
 
 from __future__ import annotations
 
@@ -22,18 +21,22 @@ from flexfem.mechanism.layout import Layout
 
 
 class Strains(NamedTuple):
-    """Largest magnitude of a principal strain (p,) of hinges, then of moving bodies, and its places (p, 2), mm."""
+    """Largest magnitude of a principal strain (p,) of hinges, then of moving bodies, and its places
+    (p, 2), mm.
+    """
 
     highest: Array
     place: Array
 
 
 def hinge_wrenches(response: Response, layout: Layout, field: Array) -> Array:
-    """Return tension N, transverse force V and moment M (h, 3) at the centres of hinges, N and N mm, by a field, mm.
+    """Return tension N, transverse force V and moment M (h, 3) at the centres of hinges, N and N
+    mm, by a field, mm.
 
     They act on the end of a hinge at its second body, in its axes.
     """
-    bodies, found = response.structure.mesh.bodies, np.zeros((len(layout.joints), 3))
+    bodies = response.structure.mesh.bodies
+    found = np.zeros((len(layout.joints), 3))
     for number, joint in enumerate(layout.joints):
         chosen = bodies == len(layout.bodies) + number
         nodes = nodes_on(response.structure.mesh, f"end {number} far")
@@ -42,10 +45,12 @@ def hinge_wrenches(response: Response, layout: Layout, field: Array) -> Array:
 
 
 def section_wrench(response: Response, field: Array, start: complex, end: complex) -> Array:
-    """Return axial force, shear force and moment (3,), N and N mm, through the section from a point to another one.
+    """Return axial force, shear force and moment (3,), N and N mm, through the section from a point
+    to another one.
 
-    They act on the material at the left of the line: the axial force is along the normal to the right, so that tension
-    is positive, the shear force along the line, and the moment about the middle of the line.
+    They act on the material at the left of the line: the axial force is along the normal to the
+    right, so that tension is positive, the shear force along the line, and the moment about the
+    middle of the line.
 
     Raises ValueError without material at the line.
     """
@@ -59,16 +64,27 @@ def section_wrench(response: Response, field: Array, start: complex, end: comple
     if not len(nodes):
         raise ValueError("no material")
     touching = left & np.isin(mesh.triangles, nodes).any(axis=1)
-    return _resultant(response, field, touching, nodes, (start + end) / 2, float(np.angle(-1j * along)))
+    return _resultant(
+        response, field, touching, nodes, (start + end) / 2, float(np.angle(-1j * along))
+    )
 
 
 def _resultant(
-    response: Response, field: Array, chosen: NDArray[np.bool_], nodes: Index, point: complex, heading: float
+    response: Response,
+    field: Array,
+    chosen: NDArray[np.bool_],
+    nodes: Index,
+    point: complex,
+    heading: float,
 ) -> Array:
-    """Return force and moment (3,) about a point, in axes turned by `heading`, that act on triangles at nodes."""
+    """Return force and moment (3,) about a point, in axes turned by `heading`, that act on
+    triangles at nodes.
+    """
     structure = response.structure
     mesh = structure.mesh
-    part = replace(structure, mesh=mesh._replace(triangles=mesh.triangles[chosen], bodies=mesh.bodies[chosen]))
+    part = replace(
+        structure, mesh=mesh._replace(triangles=mesh.triangles[chosen], bodies=mesh.bodies[chosen])
+    )
     forces = part.forces(field[None])[0].reshape(len(mesh.nodes), -1, structure.line.axes)[nodes]
     fx, fy = forces.sum(axis=1)[:, :2].T
     x, y = (mesh.nodes[nodes] - [point.real, point.imag]).T
@@ -77,17 +93,20 @@ def _resultant(
 
 
 def part_strains(response: Response, layout: Layout, load: Array) -> Strains:
-    """Return the highest strains in the plane by a load (k,) on the ports, at the nodes at which stress is stated.
+    """Return the highest strains in the plane by a load (k,) on the ports, at the nodes at which
+    stress is stated.
 
     A strain is the stress in a material of unit modulus without Poisson's ratio.
     """
-    mesh, layers = response.structure.mesh, response.structure.layers
+    mesh = response.structure.mesh
+    layers = response.structure.layers
     field = np.tensordot(load, response.nodal, axes=1)
     parts = [*response.regions]
     for number, nodes in enumerate(response.bodies):
         parts.append(nodes[body_loads_apart(layout, mesh.nodes[nodes], number, load)])
     unit = Plate(1.0, 0.0, layout.thickness)
-    highest, places = np.zeros(len(parts)), np.zeros((len(parts), 2))
+    highest = np.zeros(len(parts))
+    places = np.zeros((len(parts), 2))
     for number, nodes in enumerate(parts):
         order = np.argsort(nodes)
         strain = nodal_stress(mesh, unit, field, nodes[order], layers)

@@ -1,9 +1,10 @@
-"""Meshes of stages: a sector per chain, one for three identical chains; plates and layers of stages.
+"""Meshes of stages: a sector per chain, one for three identical chains; plates and layers of
+stages.
 
-Element size grows linearly with the distance from a neck, outside the length over which a notch bends, about
-`sqrt(t R)`: four triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to more than 1
-(see `benchmarks/study.py`; PLATEAU and GROWTH were chosen for that on other stages).
-"""
+Element size grows linearly with the distance from a neck, outside the length over which a notch
+bends, about `sqrt(t R)`: four triangles across a neck then keep the platform stiffness within 0.1 %
+from t/R = 1e-4 to more than 1 (see `benchmarks/study.py`; PLATEAU and GROWTH were chosen for that
+on other stages)."""
 
 from __future__ import annotations
 
@@ -41,9 +42,11 @@ from flexfem.refused import BadInput, ComputationFailed
 
 TIME_LIMIT = 60.0  # s, for meshing one sector
 COARSEST = 2.0  # local thickness that sets the triangle size far from the necks, per link width
-PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), where a notch bends
+# distance from a neck up to which triangles are smallest, per sqrt(t R), where a notch bends
+PLATEAU = 0.9
 GROWTH = 1.6  # of the triangle size with the distance from a neck, times the triangles across it
-SLENDER = 0.3  # distance, per notch radius, up to which the thickness `t + d^2/R` grows slower than a cone
+# distance, per notch radius, up to which the thickness `t + d^2/R` grows slower than a cone
+SLENDER = 0.3
 STUBBY = 0.5  # t/R above which the notch radius, not the neck, sets the triangle size
 ATTEMPTS = 5  # to mesh sectors
 SMALLER = 0.3  # size of triangles in place of poor ones, per longest side
@@ -58,30 +61,38 @@ def mesh_sectors(
 
     Parameters
     ----------
-    resolution : least number of triangles across every neck, or one per chain; the finest applies to the cuts.
+    resolution : least number of triangles across every neck, or one per chain; the finest applies
+    to the cuts.
     time_limit : s, for gmsh on all sectors.
 
-    Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh fails its checks, MeshTimeout when
-    it takes too long.
-    """
+    Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh fails its
+    checks, MeshTimeout when it takes too long."""
     check_feasible(stage)
     across = (resolution,) * 3 if isinstance(resolution, int) else resolution
     chains = (1,) if stage.chains_alike and len(set(across)) == 1 else (1, 2, 3)
-    keys = [(across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains]
+    keys = [
+        (across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains
+    ]
     distinct = [keys.index(key) for key in dict.fromkeys(keys)]
     jobs = [sector_drawing(stage, chains[k], across[chains[k] - 1], max(across)) for k in distinct]
     meshed = _meshed(jobs, time_limit)
     sectors = tuple(meshed[distinct.index(keys.index(key))] for key in keys)
     for sector, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
-        ahead, behind = sector.mesh.nodes[sector.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
+        ahead = sector.mesh.nodes[sector.ahead]
+        behind = turned(following.mesh.nodes[following.behind], CHAIN_TURN)
         if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
             raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
     return sectors
 
 
-def _meshed(jobs: list[FaceMesh], time_limit: float | Limit, attempts: int = ATTEMPTS) -> list[Sector]:
-    """Return the sectors, after poor triangles from another attempt with smaller ones at their places."""
-    sectors, changed = list[Sector](), list[FaceMesh]()
+def _meshed(
+    jobs: list[FaceMesh], time_limit: float | Limit, attempts: int = ATTEMPTS
+) -> list[Sector]:
+    """Return the sectors, after poor triangles from another attempt with smaller ones at their
+    places.
+    """
+    sectors = list[Sector]()
+    changed = list[FaceMesh]()
     for job, arrays in zip(jobs, run_jobs(jobs, time_limit), strict=True):
         try:
             sectors.append(_sector(job, arrays))
@@ -90,39 +101,52 @@ def _meshed(jobs: list[FaceMesh], time_limit: float | Limit, attempts: int = ATT
             if attempts == 1:
                 raise
             coarse = max((one.largest for one in job.gradings), default=0.0)
-            changed.append(job._replace(gradings=[*job.gradings, *smaller_at(poor.corners, coarse)]))
+            changed.append(
+                job._replace(gradings=[*job.gradings, *smaller_at(poor.corners, coarse)])
+            )
     return sectors if len(sectors) == len(jobs) else _meshed(changed, time_limit, attempts - 1)
 
 
 def smaller_at(corners: Array, coarse: float, moves: Sequence[Move] = ()) -> list[Grading]:
-    """Return the sizes of smaller triangles at the places of some, and at the images of these places.
+    """Return the sizes of smaller triangles at the places of some, and at the images of these
+    places.
 
     corners : (n, 3, 2), mm, of the triangles.   coarse : largest size, mm.
     """
     found = list[Grading]()
     for triangle in corners @ [1, 1j]:
         longest = float(np.abs(triangle - np.roll(triangle, 1)).max())
-        size, largest = SMALLER * longest, max(coarse, longest)
+        size = SMALLER * longest
+        largest = max(coarse, longest)
         places = [move(complex(triangle.mean())) for move in (Move(), *moves)]
         found.append(Grading(places, longest, size, largest, (largest - size) / SLOPE))
     return found
 
 
 def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:
-    """Mesh the whole stage with `mesh_sectors`; with identical chains the mesh is exactly symmetric."""
+    """Mesh the whole stage with `mesh_sectors`; with identical chains the mesh is exactly
+    symmetric.
+    """
     return welded(mesh_sectors(stage, resolution))[0]
 
 
 def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> FaceMesh:
-    """Return drawing and sizes of the sector of a chain; `finest`, the highest resolution of all, sets the cuts."""
+    """Return drawing and sizes of the sector of a chain; `finest`, the highest resolution of all,
+    sets the cuts.
+    """
     fine = max(resolution, 2)  # a single triangle across an arc would degenerate
-    faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / fine
+    faces = list(draw_sector(stage, chain).values())
+    coarse = COARSEST * stage.chain.link_width / fine
     points = _refinement_points(stage, chain, faces, fine)
     rim = stage.platform.radius - stage.platform.hub_radius
     cuts = max(2, math.ceil(rim / (COARSEST * stage.chain.link_width / max(finest, 2))))
-    divisions = {f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES}
+    divisions = {
+        f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES
+    }
     divisions |= {"cut behind": cuts, "cut ahead": cuts}
-    return FaceMesh(faces, divisions, [grading(*point, coarse, fine) for point in points if point[-1] < coarse])
+    return FaceMesh(
+        faces, divisions, [grading(*point, coarse, fine) for point in points if point[-1] < coarse]
+    )
 
 
 def grading(centre: complex, radius: float, size: float, coarse: float, across: float) -> Grading:
@@ -130,8 +154,12 @@ def grading(centre: complex, radius: float, size: float, coarse: float, across: 
     return Grading((centre,), radius, size, coarse, (coarse - size) * across / GROWTH)
 
 
-def notch_sizes(neck: float, radius: float, across: float, resolution: float) -> Iterator[tuple[float, float]]:
-    """Yield distances from a neck and sizes within them, mm, as the thickness of a notch grows slower than a cone."""
+def notch_sizes(
+    neck: float, radius: float, across: float, resolution: float
+) -> Iterator[tuple[float, float]]:
+    """Yield distances from a neck and sizes within them, mm, as the thickness of a notch grows
+    slower than a cone.
+    """
     distance = PLATEAU * math.sqrt(neck * radius)
     yield distance, neck / across
     while distance < SLENDER * radius:
@@ -147,7 +175,9 @@ def _across(hinge: Hinge, resolution: int) -> int:
 def _refinement_points(
     stage: Stage, chain: int, faces: list[Face], resolution: int
 ) -> Iterator[tuple[complex, float, float]]:
-    """Yield centres, radii and the triangle sizes within, mm: of necks, the platform and rounded bends."""
+    """Yield centres, radii and the triangle sizes within, mm: of necks, the platform and rounded
+    bends.
+    """
     notches = []
     for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
         hinge = stage.hinge(chain, name)
@@ -155,10 +185,13 @@ def _refinement_points(
         yield from ((neck.point, *size) for size in sizes)
         across = (hinge.neck / 2 + hinge.radius) * 1j * cmath.exp(1j * neck.heading)
         notches += [neck.point + across, neck.point - across]
-    disc, hub = stage.platform.radius, stage.platform.hub_radius
+    disc = stage.platform.radius
+    hub = stage.platform.hub_radius
     yield 0j, disc, COARSEST * (disc - hub) / resolution
     for arc in dict.fromkeys(segment for face in faces for segment in face.loop):
-        if arc.centre in (None, 0j) or any(abs(arc.centre - notch) < SAME_PLACE for notch in notches):
+        if arc.centre in (None, 0j) or any(
+            abs(arc.centre - notch) < SAME_PLACE for notch in notches
+        ):
             continue  # hub, rim and notches have cones of their own
         radius = abs(arc.start - arc.centre)
         yield arc.centre, radius, radius * 2 * math.pi / PER_TURN
@@ -167,12 +200,16 @@ def _refinement_points(
 def _sector(job: FaceMesh, arrays: NamedArrays) -> Sector:
     check_triangles(mesh := mesh_of(arrays), sum(area(face.loop) for face in job.faces))
     hub = nodes_on(mesh, "hub")
-    behind, ahead = (by_radius(mesh.nodes, mesh.edges[f"cut {side}"]) for side in ("behind", "ahead"))
+    behind, ahead = (
+        by_radius(mesh.nodes, mesh.edges[f"cut {side}"]) for side in ("behind", "ahead")
+    )
     return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])
 
 
 def plate_of(stage: Stage) -> Plate:
-    """Return the plate of the plane problem of a stage. Raises BadInput for a model that is not plane."""
+    """Return the plate of the plane problem of a stage. Raises BadInput for a model that is not
+    plane.
+    """
     with located(stage):
         if stage.model == "corrected":
             raise BadInput(
@@ -189,7 +226,9 @@ def sheet_of(stage: Stage) -> Plate:
 
 
 def layers_of(plate: PlateFile, number: int, antisymmetric: bool = False) -> Layers:
-    """Return layers graded for the narrowest neck, for motion in the plane or, antisymmetric, out of it."""
+    """Return layers graded for the narrowest neck, for motion in the plane or, antisymmetric, out
+    of it.
+    """
     thickness = plate.layout.thickness
     necks = (joint.profile.neck for joint in plate.layout.joints)
     layers = mirrored(thickness, number, min(necks, default=thickness))

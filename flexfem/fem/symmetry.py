@@ -1,8 +1,10 @@
-"""Cyclic symmetry: three identical sectors, solved by one that is condensed onto its cuts and the pose of the hub.
+"""Cyclic symmetry: three identical sectors, solved by one that is condensed onto its cuts and the
+pose of the hub.
 
-In harmonic 0 all sectors move identically, each in its own frame; in harmonic 1 sector c moves as `e^(2 pi i c / 3)
-u_0`, whose real and imaginary parts are two motions: the vector (1, i) of unit motions in x and y is of harmonic 1.
-With `b` the unknowns of cuts and pose, `i` all others of a sector, and the constraint `b = T_h q` of harmonic h,
+In harmonic 0 all sectors move identically, each in its own frame; in harmonic 1 sector c moves as
+`e^(2 pi i c / 3) u_0`, whose real and imaginary parts are two motions: the vector (1, i) of unit
+motions in x and y is of harmonic 1. With `b` the unknowns of cuts and pose, `i` all others of a
+sector, and the constraint `b = T_h q` of harmonic h,
 
     S = K_bb - K_bi K_ii^-1 K_ib,    A_h = T_h* S T_h.
 
@@ -25,9 +27,10 @@ from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation
 class Space(NamedTuple):
     """A space of motions, described by `size` coordinates of a real or complex `dtype`.
 
-    expand : coordinates (size, k) -> unknowns (m, k), or (m, 2 k) if complex: real parts, then imaginary parts.
-    project : its transpose, from loads on the unknowns.   solve : inverse of the stiffness of the coordinates.
-    """
+    expand : coordinates (size, k) -> unknowns (m, k), or (m, 2 k) if complex: real parts, then
+    imaginary parts.
+    project : its transpose, from loads on the unknowns.   solve : inverse of the stiffness of the
+    coordinates."""
 
     size: int
     dtype: type
@@ -46,19 +49,24 @@ def full_space(structure: Structure) -> Space:
 
 
 def harmonic_spaces(sector: Structure, nodes: int) -> tuple[Space, Space]:
-    """Condense a sector, whose unknowns are ordered interior, cut behind, cut ahead, pose: harmonics 0 and 1.
+    """Condense a sector, whose unknowns are ordered interior, cut behind, cut ahead, pose:
+    harmonics 0 and 1.
 
-    nodes : number of nodes of a cut in the plane. Raises ComputationFailed as `Structure.lower`, or when a part is not
-    held.
-    """
+    nodes : number of nodes of a cut in the plane. Raises ComputationFailed as `Structure.lower`, or
+    when a part is not held."""
     condensed = condense(sector.lower(), 2 * nodes * sector.block + 3, sector.order(2 * nodes))
-    return _harmonic_space(sector, condensed, nodes, 0), _harmonic_space(sector, condensed, nodes, 1)
+    return _harmonic_space(sector, condensed, nodes, 0), _harmonic_space(
+        sector, condensed, nodes, 1
+    )
 
 
 def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harmonic: int) -> Space:
-    """Space of a harmonic; coordinates: unknowns inside a sector and on its cut behind, then a pose coordinate."""
+    """Space of a harmonic; coordinates: unknowns inside a sector and on its cut behind, then a pose
+    coordinate.
+    """
     T = _cut_constraint(structure, nodes, harmonic)
-    inner, solve_boundary = structure.size - len(T), dense(T.conj().T @ condensed.schur @ T)
+    inner = structure.size - len(T)
+    solve_boundary = dense(T.conj().T @ condensed.schur @ T)
 
     def split(values: AnyArray) -> Array:
         return np.hstack([values.real, values.imag]) if harmonic else np.asarray(values)
@@ -77,7 +85,9 @@ def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harm
         return np.concatenate([merged[:inner], T.conj().T @ merged[inner:]])
 
     def solve(b: AnyArray) -> AnyArray:
-        inside, edge = condensed.reduced(split(np.concatenate([b[:inner], np.zeros((len(T), b.shape[1]))])))
+        inside, edge = condensed.reduced(
+            split(np.concatenate([b[:inner], np.zeros((len(T), b.shape[1]))]))
+        )
         boundary = solve_boundary(b[inner:] + T.conj().T @ merge(edge))
         unknowns = condensed.expanded(inside, split(T @ boundary))
         return np.concatenate([merge(unknowns[:inner]), boundary])
@@ -86,18 +96,22 @@ def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harm
 
 
 def _cut_constraint(structure: Structure, nodes: int, harmonic: int) -> AnyArray:
-    """Return T_h (2 c + 3, c + 1), from the cut behind and a pose coordinate to both cuts and the pose.
+    """Return T_h (2 c + 3, c + 1), from the cut behind and a pose coordinate to both cuts and the
+    pose.
 
-    The cut ahead is the cut behind of the next sector. A rotation by one sector leaves one freedom of the hub, theta or
-    z, invariant and rotates the other two as a vector, of which `(1, i)` is multiplied by `e^(-2 pi i / 3)`.
-    """
+    The cut ahead is the cut behind of the next sector. A rotation by one sector leaves one freedom
+    of the hub, theta or z, invariant and rotates the other two as a vector, of which `(1, i)` is
+    multiplied by `e^(-2 pi i / 3)`."""
     line = structure.line
-    node, vectors = np.eye(len(line.free_components)), len(line.heights) - len(line.fixed)  # nodes with free u, v
+    node = np.eye(len(line.free_components))
+    vectors = len(line.heights) - len(line.fixed)  # nodes with free u, v
     node[: 2 * vectors, : 2 * vectors] = np.kron(np.eye(vectors), chain_rotation(1)[:2, :2])
-    rotation, phase = np.kron(np.eye(nodes), node), np.exp(1j * CHAIN_TURN) if harmonic else 1.0
+    rotation = np.kron(np.eye(nodes), node)
+    phase = np.exp(1j * CHAIN_TURN) if harmonic else 1.0
     c = len(rotation)
     T = np.zeros((2 * c + 3, c + 1), dtype=complex if harmonic else float)
-    T[:c, :c], T[c : 2 * c, :c] = np.eye(c), phase * rotation
+    T[:c, :c] = np.eye(c)
+    T[c : 2 * c, :c] = phase * rotation
     if harmonic:
         T[2 * c + structure.vector_first[:2], -1] = 1.0, 1j
     else:
@@ -106,23 +120,28 @@ def _cut_constraint(structure: Structure, nodes: int, harmonic: int) -> AnyArray
 
 
 def chain_values(values: Sequence[Array]) -> list[Array]:
-    """Values (3 cases, ...) of three chains, each in the frame of chain 1, from those of one or three sectors.
+    """Values (3 cases, ...) of three chains, each in the frame of chain 1, from those of one or
+    three sectors.
 
-    With identical chains, chain c responds to a case as chain 1 to the case rotated back by c sectors.
-    """
+    With identical chains, chain c responds to a case as chain 1 to the case rotated back by c
+    sectors."""
     if len(values) == 3:
         return list(values)
     return [np.tensordot(chain_rotation(chain), values[0], axes=1) for chain in range(3)]
 
 
 def rotated_fields(values: Array, chain: int) -> Array:
-    """Rotate vectors (..., 2) or (..., 3) from the frame of chain 1 to that of a chain, from 0; back if negative."""
+    """Rotate vectors (..., 2) or (..., 3) from the frame of chain 1 to that of a chain, from 0;
+    back if negative.
+    """
     axes = values.shape[-1]
     return values @ chain_rotation(chain)[:axes, :axes].T
 
 
 def whole_fields(nodes: int, sector_nodes: list[Index], parts: Sequence[Array]) -> Array:
-    """Fields (k, nodes, ...) of the whole mesh from those of the sector of each chain, each in the frame of chain 1."""
+    """Fields (k, nodes, ...) of the whole mesh from those of the sector of each chain, each in the
+    frame of chain 1.
+    """
     fields = np.empty((len(parts[0]), nodes, *parts[0].shape[2:]))
     for chain, (numbers, part) in enumerate(zip(sector_nodes, parts, strict=True)):
         fields[:, numbers] = rotated_fields(part, chain)

@@ -1,9 +1,10 @@
-"""Effect of the thickness of a plate on its hinges: finite elements in three dimensions against plane stress.
+"""Effect of the thickness of a plate on its hinges: finite elements in three dimensions against
+plane stress.
 
-A hinge is solved alone, with the material of its bodies near its ends, on one mesh in the plane. Bodies are wide in the
-plane, so that plane stress holds for them; hinges are not, and bend between plane stress and plane strain. The change
-of the compliance of a plate is therefore that of its network of parts when the compliance of its hinges changes.
-"""
+A hinge is solved alone, with the material of its bodies near its ends, on one mesh in the plane.
+Bodies are wide in the plane, so that plane stress holds for them; hinges are not, and bend between
+plane stress and plane strain. The change of the compliance of a plate is therefore that of its
+network of parts when the compliance of its hinges changes."""
 
 from __future__ import annotations
 
@@ -22,19 +23,26 @@ from flexfem.fem.ports import plate_of_layout
 from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.layout import Layout
 
-REACH = 0.5  # of the height of an end: distance into a body over which the stress of the hinge spreads
+REACH = (
+    0.5  # of the height of an end: distance into a body over which the stress of the hinge spreads
+)
 FEW_LAYERS = 2  # in half the thickness, for the band
 TURNED = (-1.0, -1.0, 1.0)  # signs of twists and wrenches after half a turn
-MANY_LAYERS = 4  # compliances of leaves and notches are within 0.1 % of those with 8 layers for b/t up to 80
+MANY_LAYERS = (
+    4  # compliances of leaves and notches are within 0.1 % of those with 8 layers for b/t up to 80
+)
 
 
 class ThickHinge(NamedTuple):
-    """A hinge in three dimensions, against plane stress; compliances are those of `Profile.compliance`.
+    """A hinge in three dimensions, against plane stress; compliances are those of
+    `Profile.compliance`.
 
-    change : (3, 3), of the compliance at the centre of the hinge, in its axes, with ends that keep their thickness.
+    change : (3, 3), of the compliance at the centre of the hinge, in its axes, with ends that keep
+    their thickness.
     coarser : (3, 3), the same with few layers.
     loose : (3, 3), the same as `change` with ends that are free to contract along z.
-    plane : (p, 3, 3), squares of the von Mises stress, MPa^2, in plane stress at p nodes of the hinge: quadratic forms
+    plane : (p, 3, 3), squares of the von Mises stress, MPa^2, in plane stress at p nodes of the
+    hinge: quadratic forms
         of the loads N, V, M at its centre.
     solid : (p m, 3, 3), the same in three dimensions at m heights.
     """
@@ -46,10 +54,14 @@ class ThickHinge(NamedTuple):
     solid: Array
 
     def stress_ratio(self, wrenches: Array) -> Array:
-        """Ratio (...) of the highest stress in three dimensions to that in plane stress, of wrenches (..., 3)."""
+        """Ratio (...) of the highest stress in three dimensions to that in plane stress, of
+        wrenches (..., 3).
+        """
         flat = wrenches.reshape(-1, 3)
         products = (flat[:, :, None] * flat[:, None]).reshape(-1, 9)
-        plane, solid = (np.max(forms.reshape(-1, 9) @ products.T, axis=0) for forms in (self.plane, self.solid))
+        plane, solid = (
+            np.max(forms.reshape(-1, 9) @ products.T, axis=0) for forms in (self.plane, self.solid)
+        )
         loaded = plane > 0
         ratio = np.ones(len(flat))
         ratio[loaded] = np.sqrt(solid[loaded] / plane[loaded])
@@ -65,11 +77,13 @@ class ThickHinge(NamedTuple):
 
 
 def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
-    """Solve every hinge of a layout in three dimensions; hinges of equal profile, also turned, are solved once.
+    """Solve every hinge of a layout in three dimensions; hinges of equal profile, also turned, are
+    solved once.
 
     mesh : of the layout, as for `plate_bodies.body_compliances`.
     """
-    found, hinges = dict[tuple[object, ...], ThickHinge](), list[ThickHinge]()
+    found = dict[tuple[object, ...], ThickHinge]()
+    hinges = list[ThickHinge]()
     for number, joint in enumerate(layout.joints):
         ends = [(layout.bodies[body].fixed, layout.bodies[body].material) for body in joint.bodies]
         key = (joint.profile, joint.cut, joint.material, *ends)
@@ -95,7 +109,9 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
     flat = plate_of_layout(layout, mesh=part)
     plane = _between_sections(part, flat, None, *sections)
     plate = plate_of_layout(layout, sheet(layout.thickness), part)
-    few, many = (mirrored(layout.thickness, count, joint.profile.neck) for count in (FEW_LAYERS, MANY_LAYERS))
+    few, many = (
+        mirrored(layout.thickness, count, joint.profile.neck) for count in (FEW_LAYERS, MANY_LAYERS)
+    )
     coarser = _between_sections(part, plate, few, *sections)
     solid = _between_sections(part, plate, many, *sections)
     symmetric = joint.profile.symmetric
@@ -109,7 +125,9 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
 
 
 def _von_mises_forms(stress: Array) -> Array:
-    """Quadratic forms (n, 3, 3) of the square of the von Mises stress, of the stress (3, ..., d, d) of three loads."""
+    """Quadratic forms (n, 3, 3) of the square of the von Mises stress, of the stress (3, ..., d, d)
+    of three loads.
+    """
     axes = stress.shape[-1]
     tensors = np.zeros((3, stress[0, ..., 0, 0].size, 3, 3))
     tensors[..., :axes, :axes] = stress.reshape(3, -1, axes, axes)
@@ -128,7 +146,8 @@ def _change(plane: Array, solid: Array, symmetric: bool) -> Array:
 
 
 class _Part(NamedTuple):
-    """Compliances (3, 3) of a part between two sections, and its displacements (3, n, ...), mm, for unit loads.
+    """Compliances (3, 3) of a part between two sections, and its displacements (3, n, ...), mm, for
+    unit loads.
 
     loose : with sections that are free to contract along z.
     """
@@ -138,14 +157,16 @@ class _Part(NamedTuple):
     fields: Array
 
 
-def _between_sections(mesh: StageMesh, plate: Plate, layers: Layers | None, near: Index, far: Index) -> _Part:
-    """Solve a part for unit loads on its far section; sections are rigid in the plane, and the near one is held.
+def _between_sections(
+    mesh: StageMesh, plate: Plate, layers: Layers | None, near: Index, far: Index
+) -> _Part:
+    """Solve a part for unit loads on its far section; sections are rigid in the plane, and the near
+    one is held.
 
     Notes
     -----
-    The part is condensed onto its sections, where a term is added to the diagonal, so that the matrix is definite, and
-    subtracted again from the Schur complement.
-    """
+    The part is condensed onto its sections, where a term is added to the diagonal, so that the
+    matrix is definite, and subtracted again from the Schur complement."""
     ends = np.concatenate([near, far])
     whole = structure(mesh, plate, layers, SOLID_QUADRATURE, NONE, ends)
     edge = len(ends) * whole.block
@@ -166,11 +187,14 @@ def _between_sections(mesh: StageMesh, plate: Plate, layers: Layers | None, near
     return _Part(held, loose, whole.fields(condensed.expanded(unloaded, motions[0])))
 
 
-def _surroundings(layout: Layout, mesh: StageMesh, number: int) -> tuple[NDArray[np.bool_], Index, Index]:
-    """Return the triangles of a hinge and of its bodies near it, and the nodes on both sections that bound them.
+def _surroundings(
+    layout: Layout, mesh: StageMesh, number: int
+) -> tuple[NDArray[np.bool_], Index, Index]:
+    """Return the triangles of a hinge and of its bodies near it, and the nodes on both sections
+    that bound them.
 
-    A fixed body is rigid, and one that lies wholly near the hinge has no section: the end of the hinge is taken.
-    """
+    A fixed body is rigid, and one that lies wholly near the hinge has no section: the end of the
+    hinge is taken."""
     joint = layout.joints[number]
     chosen = mesh.bodies == len(layout.bodies) + number
     middles = mesh.nodes[mesh.triangles[:, :3]].mean(axis=1)

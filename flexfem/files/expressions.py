@@ -62,7 +62,9 @@ class Scaled(str):
 
     @property
     def product(self) -> str:
-        """The expression times the factor, for a text that `names_in` accepts: brackets may not close an outer one."""
+        """The expression times the factor, for a text that `names_in` accepts: brackets may not
+        close an outer one.
+        """
         return f"({self}) * {self.factor!r}"
 
 
@@ -83,12 +85,16 @@ class Evaluated(float):
 
 
 def names_in(text: str) -> tuple[str, ...]:
-    """Return the names in an expression, each once. Raises ValueError, which says what was expected, for other text."""
+    """Return the names in an expression, each once. Raises ValueError, which says what was
+    expected, for other text.
+    """
     return _parsed(text)[1]
 
 
 def value_of(text: str, values: Mapping[str, ArrayLike]) -> Array:
-    """Return the value of an expression, in the shape of the named values; not finite where it is not defined."""
+    """Return the value of an expression, in the shape of the named values; not finite where it is
+    not defined.
+    """
     tree, names = _parsed(text)
     with np.errstate(all="ignore"):
         known = {f"_{k}": np.asarray(values[name], np.float64) for k, name in enumerate(names)}
@@ -97,7 +103,9 @@ def value_of(text: str, values: Mapping[str, ArrayLike]) -> Array:
 
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
-    """Return the syntax tree of an arithmetic expression, and its names, which the tree holds as `_0`, `_1`."""
+    """Return the syntax tree of an arithmetic expression, and its names, which the tree holds as
+    `_0`, `_1`.
+    """
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters, not {len(text)}")
     names = list[str]()
@@ -122,7 +130,9 @@ def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
 
 
 def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
-    """Return the value of a tree. Numbers are of numpy, whose powers neither raise nor take for ever."""
+    """Return the value of a tree. Numbers are of numpy, whose powers neither raise nor take for
+    ever.
+    """
     match node:
         case ast.Constant(value=float() | int() as number):
             return np.float64(number)
@@ -132,31 +142,39 @@ def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
             return _OPERATIONS[type(operator)](_value(operand, known))
         case ast.BinOp(left=left, op=operator, right=right):
             return _OPERATIONS[type(operator)](_value(left, known), _value(right, known))
-        case ast.Call(func=ast.Name(id=name), args=[_, *others] as arguments, keywords=[]) if bool(others) == (
-            name in ("min", "max")
-        ):
+        case ast.Call(func=ast.Name(id=name), args=[_, *others] as arguments, keywords=[]) if bool(
+            others
+        ) == (name in ("min", "max")):
             return _FUNCTIONS[name](*(_value(argument, known) for argument in arguments))
     raise ValueError(_ALLOWED)
 
 
 def require_names(text: str, known: Mapping[str, Any], *at: str) -> tuple[str, ...]:
-    """Return the names in an expression. Refuses, at a key path, other text and names that are not known."""
+    """Return the names in an expression. Refuses, at a key path, other text and names that are not
+    known.
+    """
     try:
         names = names_in(text)
     except ValueError as error:
         raise refusal(f"an expression: {error}", *at) from None
     for name in names:
         if name not in known:
-            raise refusal(f"names of parameters, not {shown(name)}{nearest(name, known) or '; there are none'}", *at)
+            raise refusal(
+                "names of parameters, not "
+                f"{shown(name)}{nearest(name, known) or '; there are none'}",
+                *at,
+            )
     return names
 
 
 def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
-    """Return the values of parameters, in file units, by their names without units; each may use all others.
+    """Return the values of parameters, in file units, by their names without units; each may use
+    all others.
 
-    Refuses, at its key path, what is no number, an unknown name, a cycle, or a value that is not finite.
-    """
-    keys, values = dict[str, str](), dict[str, float]()
+    Refuses, at its key path, what is no number, an unknown name, a cycle, or a value that is not
+    finite."""
+    keys = dict[str, str]()
+    values = dict[str, float]()
     if len(stated) > MOST_PARAMETERS:
         raise refusal(f"at most {MOST_PARAMETERS} parameters, not {len(stated)}", "parameters")
     for key in stated:
@@ -164,13 +182,23 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
             raise refusal("names of parameters in quotes", "parameters")
         name = without_unit(key)
         if name in keys:
-            raise refusal(f"a name that differs from {keys[name]} also without its unit", "parameters", key)
+            raise refusal(
+                f"a name that differs from {keys[name]} also without its unit", "parameters", key
+            )
         if not (key.isidentifier() and key.isascii()) or len(key) > LONGEST_NAME:
-            raise refusal(f"a name of at most {LONGEST_NAME} letters, digits and _, a letter first", "parameters", key)
+            raise refusal(
+                f"a name of at most {LONGEST_NAME} letters, digits and _, a letter first",
+                "parameters",
+                key,
+            )
         keys[name] = key
-    given: dict[str, Any] = {name: getattr(stated[key], "text", stated[key]) for name, key in keys.items()}
+    given: dict[str, Any] = {
+        name: getattr(stated[key], "text", stated[key]) for name, key in keys.items()
+    }
     texts = {name: text for name, text in given.items() if isinstance(text, str)}
-    uses = {name: require_names(text, keys, "parameters", keys[name]) for name, text in texts.items()}
+    uses = {
+        name: require_names(text, keys, "parameters", keys[name]) for name, text in texts.items()
+    }
     try:
         order = [*TopologicalSorter({name: uses.get(name, ()) for name in keys}).static_order()]
     except CycleError as error:
@@ -178,10 +206,14 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
         cycle = error.args[1][:0:-1]  # every name uses the next one
         start = cycle.index(first)
         said = " = ".join([*cycle[start:], *cycle[: start + 1]])
-        raise refusal(f"a value that does not depend on itself: {said}", "parameters", keys[first]) from None
+        raise refusal(
+            f"a value that does not depend on itself: {said}", "parameters", keys[first]
+        ) from None
     for name in order:
         value = float(value_of(texts[name], values)) if name in texts else given[name]
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
-            raise refusal("a finite number, or an expression that has one", "parameters", keys[name])
+            raise refusal(
+                "a finite number, or an expression that has one", "parameters", keys[name]
+            )
         values[name] = float(value)
     return values

@@ -11,7 +11,9 @@ from typing import Any
 
 from flexfem.refused import BadInput
 
-_reads: list[dict[tuple[int, int] | None, str]] = []  # names by inode for the running command; empty in Python
+_reads: list[
+    dict[tuple[int, int] | None, str]
+] = []  # names by inode for the running command; empty in Python
 _written: set[str] = set()
 _hooked: list[bool] = []
 
@@ -47,7 +49,9 @@ def _node(path: str | Path) -> tuple[int, int] | None:
 
 
 def require_unread(*paths: Path, read: Iterable[Path] = ()) -> None:
-    """Raise BadInput for an output file that the command has read, also through a link, or that is one of `read`."""
+    """Raise BadInput for an output file that the command has read, also through a link, or that is
+    one of `read`.
+    """
     from flexfem.files.refusals import place_of  # heavy
 
     names = {node: name for each in _reads for node, name in list(each.items())}
@@ -55,8 +59,14 @@ def require_unread(*paths: Path, read: Iterable[Path] = ()) -> None:
     for path in paths:
         node = _node(path)
         if node in names and node is not None and os.path.abspath(path) not in _written:
-            same = "" if names[node] == str(path) else f"the same file as {place_of(names[node])}, which "
-            raise BadInput(f"{place_of(path)}: {same}is an input of this command, expected another file")
+            same = (
+                ""
+                if names[node] == str(path)
+                else f"the same file as {place_of(names[node])}, which "
+            )
+            raise BadInput(
+                f"{place_of(path)}: {same}is an input of this command, expected another file"
+            )
 
 
 def wrote(path: Path) -> None:

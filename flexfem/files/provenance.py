@@ -13,27 +13,34 @@ from flexfem.files.tables import UNCHANGEABLE, Label, Table, Unchangeable, once
 
 
 class Assumptions(NamedTuple):
-    """Key paths of the numbers behind a result that are assumed, and of those without a stated source."""
+    """Key paths of the numbers behind a result that are assumed, and of those without a stated
+    source.
+    """
 
     assumed: list[str]
     not_stated: list[str]
 
 
 class Sourced(Table):
-    """A file with a `[provenance]` table: sources by key path of a number, or of a table that contains it."""
+    """A file with a `[provenance]` table: sources by key path of a number, or of a table that
+    contains it.
+    """
 
     provenance: Annotated[Mapping[str, Label], UNCHANGEABLE] = Field(
         default_factory=Unchangeable, examples=[{"name": "assumed: an example"}]
     )
-    """Where numbers come from: the quoted key path of a number, or of a table, and its source. Begin with "assumed"
-    what is assumed. A number that it does not cover is reported as not stated"""
+    """Where numbers come from: the quoted key path of a number, or of a table, and its source.
+    Begin with "assumed" what is assumed. A number that it does not cover is reported as not stated
+    """
 
     @field_validator("provenance", mode="before")
     @classmethod
     def _key_paths_are_quoted(cls, provenance: Any) -> Any:
         for key, value in provenance.items() if isinstance(provenance, dict) else ():
             if isinstance(value, dict):
-                raise refusal('text; write the whole key path in quotes, like "chain.link_lengths_mm"', key)
+                raise refusal(
+                    'text; write the whole key path in quotes, like "chain.link_lengths_mm"', key
+                )
         return provenance
 
     @model_validator(mode="after")
@@ -44,7 +51,11 @@ class Sourced(Table):
                     now = key_path(path_of(key), self)  # a member named by index has another path
                 except ValueError:
                     now = ""
-                close = f", did you mean {now}?" if now in self.entries else suggestion(key, self.entries)
+                close = (
+                    f", did you mean {now}?"
+                    if now in self.entries
+                    else suggestion(key, self.entries)
+                )
                 raise refusal(f"a key path of this file{close}", "provenance", key)
         return self
 
@@ -61,12 +72,16 @@ class Sourced(Table):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Key paths of the physical numbers, which need a source; settings of a computation and integers need none."""
+        """Key paths of the physical numbers, which need a source; settings of a computation and
+        integers need none.
+        """
         return tuple(path for path, value in self.entries.items() if _is_number(value))
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """Key paths of the values, in order, whose provenance (their own or their table's) starts with "assumed"."""
+        """Key paths of the values, in order, whose provenance (their own or their table's) starts
+        with "assumed".
+        """
         return tuple(path for path in self.values if is_assumed(self.sources[path] or ""))
 
     @property
@@ -88,10 +103,15 @@ class Sourced(Table):
 
 
 def assumptions(files: Iterable[tuple[str, Sourced]]) -> Assumptions:
-    """Return the sorted assumptions of several files, each with the prefix of its key paths; "" for stages."""
+    """Return the sorted assumptions of several files, each with the prefix of its key paths; "" for
+    stages.
+    """
     found = list(files)
     assumed = {f"{prefix}{key}" for prefix, file in found for key in file.assumed}
-    return Assumptions(sorted(assumed), sorted({f"{prefix}{key}" for prefix, file in found for key in file.not_stated}))
+    return Assumptions(
+        sorted(assumed),
+        sorted({f"{prefix}{key}" for prefix, file in found for key in file.not_stated}),
+    )
 
 
 def is_assumed(source: str) -> bool:
@@ -101,20 +121,25 @@ def is_assumed(source: str) -> bool:
 
 def _members(table: BaseModel, above: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
     for name, field in type(table).model_fields.items():
-        path, value = (*above, field.alias or name), getattr(table, name)
+        path = (*above, field.alias or name)
+        value = getattr(table, name)
         if name in table.model_fields_set and name != "provenance" and value is not None:
             yield path, value
             if isinstance(value, BaseModel):
                 yield from _members(value, path)
             for key in value if isinstance(value, Mapping) else ():
                 yield (*path, key), value[key]
-            for index, item in enumerate(value if _is_table(value) and isinstance(value, tuple) else ()):
+            for index, item in enumerate(
+                value if _is_table(value) and isinstance(value, tuple) else ()
+            ):
                 yield (*path, index), item
                 yield from _members(item, (*path, index))
 
 
 def _is_table(value: Any) -> bool:
-    return isinstance(value, BaseModel) or (isinstance(value, tuple) and all(isinstance(v, BaseModel) for v in value))
+    return isinstance(value, BaseModel) or (
+        isinstance(value, tuple) and all(isinstance(v, BaseModel) for v in value)
+    )
 
 
 def _is_number(value: Any) -> bool:

@@ -1,8 +1,9 @@
-"""Types of the numbers of files: their units and limits, also for the JSON schemas, and expressions of parameters.
+"""Types of the numbers of files: their units and limits, also for the JSON schemas, and expressions
+of parameters.
 
-A value beyond a limit is a mistake of the unit or of typing, and would overflow or vanish in the computation. Unusual
-values are inside; `questions.warnings` reports some of them. A number is in inside units (mm, N, MPa, rad) where its
-type names a unit of files, else in the unit of its key.
+A value beyond a limit is a mistake of the unit or of typing, and would overflow or vanish in the
+computation. Unusual values are inside; `questions.warnings` reports some of them. A number is in
+inside units (mm, N, MPa, rad) where its type names a unit of files, else in the unit of its key.
 """
 
 from __future__ import annotations
@@ -24,20 +25,27 @@ from flexfem.files.refusals import refusal
 from flexfem.units import NONE, UNITS
 
 UNIT = "x-unit"  # keyword of every number in a schema: its unit
-COUNT, OF_THE_KEY = "1", "of the key"  # units of a dimensionless number, and of a number in the unit of another key
+COUNT = "1"
+OF_THE_KEY = (
+    "of the key"  # units of a dimensionless number, and of a number in the unit of another key
+)
 INSIDE = "inside units"  # context of a validation whose numbers are in mm, N, MPa and rad
 STATED = "stated"  # context of a dump: expressions by their texts
-KNOWN: ContextVar[Mapping[str, float] | None] = ContextVar("parameters by name without unit", default=None)
+KNOWN: ContextVar[Mapping[str, float] | None] = ContextVar(
+    "parameters by name without unit", default=None
+)
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Annotation of a number of a file: limits in the unit of the file, and the unit where it is converted.
+    """Annotation of a number of a file: limits in the unit of the file, and the unit where it is
+    converted.
 
-    unit : key of `units.UNITS`, `COUNT` or `OF_THE_KEY`; "" for a number that keeps the unit of its key.
+    unit : key of `units.UNITS`, `COUNT` or `OF_THE_KEY`; "" for a number that keeps the unit of its
+    key.
     gt, ge, le, lt : ends of the valid values.   least : smallest valid size but zero.
-    said : end of the message of a size below `least`.   reason : of the limits `ge` and `le`, in the message.
-    """
+    said : end of the message of a size below `least`.   reason : of the limits `ge` and `le`, in
+    the message."""
 
     unit: str = ""
     gt: float = -math.inf
@@ -65,7 +73,11 @@ class Limits:
             return "a finite number"
         for holds, sign, _, limit in self.limits:
             if not holds(value, limit):
-                return f"{self.ge:g} to {self.le:g}: {self.reason}" if self.reason else f"{sign} {limit:g}"
+                return (
+                    f"{self.ge:g} to {self.le:g}: {self.reason}"
+                    if self.reason
+                    else f"{sign} {limit:g}"
+                )
         if 0 < abs(value) < self.least:
             zero = "" if self.gt == 0 else "0, or "
             return f"{zero}at least {self.least:g}{self.said}: smaller values are a unit mistake"
@@ -88,18 +100,28 @@ class Limits:
         return self.factor * value
 
     def in_file(self, value: float) -> float:
-        """Return the number of a file that converts to `value`: the shortest exact one, otherwise the nearest."""
+        """Return the number of a file that converts to `value`: the shortest exact one, otherwise
+        the nearest.
+        """
         near = [value / self.factor]
         for _ in range(3):
             near = [math.nextafter(near[0], -math.inf), *near, math.nextafter(near[-1], math.inf)]
         return min(near, key=lambda number: (abs(self.inside(number) - value), len(repr(number))))
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: Callable[[Any], CoreSchema]) -> CoreSchema:
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: Callable[[Any], CoreSchema]
+    ) -> CoreSchema:
         dumped = core_schema.plain_serializer_function_ser_schema(self._dumped, info_arg=True)
-        return core_schema.with_info_wrap_validator_function(self._validated, handler(source), serialization=dumped)
+        return core_schema.with_info_wrap_validator_function(
+            self._validated, handler(source), serialization=dumped
+        )
 
-    def _validated(self, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> float:
-        """Return a number in inside units; where there are parameters, also the value of an expression."""
+    def _validated(
+        self, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo
+    ) -> float:
+        """Return a number in inside units; where there are parameters, also the value of an
+        expression.
+        """
         known = KNOWN.get()
         text = value.text if isinstance(value, Evaluated) else value
         if known is not None and isinstance(text, str):
@@ -121,8 +143,12 @@ class Limits:
             return value.text
         return self.in_file(value) if info.by_alias else value
 
-    def __get_pydantic_json_schema__(self, core: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
-        found = handler(core) | {word: limit for _, _, word, limit in self.limits if math.isfinite(limit)}
+    def __get_pydantic_json_schema__(
+        self, core: Any, handler: Callable[[Any], dict[str, Any]]
+    ) -> dict[str, Any]:
+        found = handler(core) | {
+            word: limit for _, _, word, limit in self.limits if math.isfinite(limit)
+        }
         if self.least and self.gt == 0:
             del found["exclusiveMinimum"]
             found["minimum"] = self.least
@@ -171,7 +197,9 @@ FrameExpansion: TypeAlias = Annotated[  # zero-expansion glass as measured; allo
     float, Limits("um_per_m_k", ge=-50, le=300, least=1e-3, said=_ALUMINIUM)
 ]
 Walker: TypeAlias = Annotated[float, positive(0.01, 1, COUNT)]
-Cycles: TypeAlias = Annotated[float, positive(0.1, 1e12, COUNT)]  # a quarter of a cycle; a thousand years at 30 Hz
+Cycles: TypeAlias = Annotated[
+    float, positive(0.1, 1e12, COUNT)
+]  # a quarter of a cycle; a thousand years at 30 Hz
 Stroke: TypeAlias = Annotated[float, positive(1e-3, 1e4, "um")]
 Rate: TypeAlias = Annotated[float, positive(1e-6, 1e6, "n_per_um")]  # stiffness of stacks
 Force: TypeAlias = Annotated[float, positive(1e-6, 1e6)]  # N
@@ -185,10 +213,14 @@ Reading: TypeAlias = Annotated[float, from_zero(1e-9, 1e3, "um")]  # far below a
 ForceReading: TypeAlias = Annotated[float, from_zero(1e-9, 1e3)]  # N
 Neck: TypeAlias = Annotated[float, positive(1e-3, 1e7, "um")]
 NeckDeviation: TypeAlias = Annotated[float, from_zero(1e-3, 1e7, "um")]
-CommandUm: TypeAlias = Annotated[float, positive(1e-9, 1e6)]  # um: from far below an atom to the largest stage
+CommandUm: TypeAlias = Annotated[
+    float, positive(1e-9, 1e6)
+]  # um: from far below an atom to the largest stage
 CommandMrad: TypeAlias = Annotated[float, positive(1e-9, 1e3)]
 Amplitude: TypeAlias = Annotated[float, either_sign(1e-6, 1e5)]  # um, mrad, of a life
-Kilograms: TypeAlias = Annotated[float, from_zero(1e-12, 1e4)]  # no stage of necks carries a hundredth of it
+Kilograms: TypeAlias = Annotated[
+    float, from_zero(1e-12, 1e4)
+]  # no stage of necks carries a hundredth of it
 KilogramsMm2: TypeAlias = Annotated[float, from_zero(1e-12, 1e10)]
 Seconds: TypeAlias = Annotated[float, positive(1e-3, 86_400)]
 Scatter: TypeAlias = Annotated[float, positive(1e-6, 1000)]  # um
@@ -197,7 +229,8 @@ AnyNumber: TypeAlias = Annotated[float, either_sign(*OF_ANY_KEY)]
 AnyPositive: TypeAlias = Annotated[float, positive(*OF_ANY_KEY)]
 Unlimited: TypeAlias = Annotated[float, Limits(OF_THE_KEY)]
 Count: TypeAlias = Annotated[float, Limits(COUNT, ge=2, le=1000, whole=True)]
-STEEPEST, FLATTEST = -0.5, -0.01  # limits of Basquin's exponent; metals have -0.05 to -0.15
+STEEPEST = -0.5
+FLATTEST = -0.01  # limits of Basquin's exponent; metals have -0.05 to -0.15
 Exponent: TypeAlias = Annotated[
     float, Limits(COUNT, ge=STEEPEST, le=FLATTEST, reason="stress falls with the number of cycles")
 ]

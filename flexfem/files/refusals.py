@@ -1,10 +1,10 @@
 """Key paths, and errors in the terms of the file: one line with key path, value and expected value.
 
-A key path names a key of a file, the same in errors, in `[provenance]`, in study files and in baselines. Tables are
-named by their keys and members of an array by their index from 0: `hinges.base.neck_mm`, `chain.link_lengths_mm[0]`,
-`factor[1].sd`. A member of an array that identifies its subject is named by the subject: `override.2.elbow.neck_mm` is
-the neck of the elbow hinge of chain 2, wherever the override stands in the file.
-"""
+A key path names a key of a file, the same in errors, in `[provenance]`, in study files and in
+baselines. Tables are named by their keys and members of an array by their index from 0:
+`hinges.base.neck_mm`, `chain.link_lengths_mm[0]`, `factor[1].sd`. A member of an array that
+identifies its subject is named by the subject: `override.2.elbow.neck_mm` is the neck of the elbow
+hinge of chain 2, wherever the override stands in the file."""
 
 from __future__ import annotations
 
@@ -36,20 +36,29 @@ SHOWN = 60  # characters of a value or key in a message
 COMPARED = 32  # unknown keys, at most, that are compared with missing ones
 _BARE = re.compile(r"[A-Za-z0-9_-]+")  # bare keys of TOML
 _PLAIN = re.compile(r'[^.\[\]"]{1,60}')  # needs no quotes in a key path
-_PART = re.compile(r'\[(?P<place>\d+)\]|(?:^|\.)(?:(?P<bare>[^.\[\]"]+)|(?P<quoted>"(?:[^"\\]|\\.)*"))')
+_PART = re.compile(
+    r'\[(?P<place>\d+)\]|(?:^|\.)(?:(?P<bare>[^.\[\]"]+)|(?P<quoted>"(?:[^"\\]|\\.)*"))'
+)
 
 
 def key_path(path: KeyPath, data: Any = None) -> str:
-    """Return the text of a path of keys and indices; `data`, tables or their model, identifies members of arrays.
+    """Return the text of a path of keys and indices; `data`, tables or their model, identifies
+    members of arrays.
 
-    A key that identifies a member is itself named by index, because its value may be wrong: `override[0].chain`.
-    """
-    text, inside = "", data
+    A key that identifies a member is itself named by index, because its value may be wrong:
+    `override[0].chain`."""
+    text = ""
+    inside = data
     for index, part in enumerate(path):
         inside = _inside(inside, part)
         if isinstance(part, int):
-            array, below = (path[index - 1] if index else ""), (*path[index + 1 : index + 2],)
-            about = () if below and below[0] in ABOUT.get(str(array), ()) else _about(str(array), inside)
+            array = path[index - 1] if index else ""
+            below = (*path[index + 1 : index + 2],)
+            about = (
+                ()
+                if below and below[0] in ABOUT.get(str(array), ())
+                else _about(str(array), inside)
+            )
             text += "".join(f".{each}" for each in about) or f"[{part}]"
         else:
             text += f".{part if _PLAIN.fullmatch(part) and part.isprintable() else one_line(as_key(part), SHOWN)}"
@@ -61,13 +70,16 @@ def path_of(text: str, data: Any = None) -> KeyPath:
 
     Raises ValueError for another text.
     """
-    parts, end = list[str | int](), 0
+    parts = list[str | int]()
+    end = 0
     while end < len(text):
         found = _PART.match(text, end)
         if found is None:
             raise ValueError(f"{text}: no key path")
         end = found.end()
-        parts.append(int(found["place"]) if found["place"] else found["bare"] or json.loads(found["quoted"]))
+        parts.append(
+            int(found["place"]) if found["place"] else found["bare"] or json.loads(found["quoted"])
+        )
     inside = data
     for index, part in enumerate(parts if data is not None else ()):
         inside = _inside(inside, part)
@@ -80,11 +92,17 @@ def path_of(text: str, data: Any = None) -> KeyPath:
 
 
 def _about(array: str, member: Any) -> tuple[str, ...]:
-    """Return the values that identify a member of an array, none unless they are plain numbers and words."""
-    values = tuple(value for key in ABOUT.get(array, ()) if (value := _inside(member, key)) is not None)
+    """Return the values that identify a member of an array, none unless they are plain numbers and
+    words.
+    """
+    values = tuple(
+        value for key in ABOUT.get(array, ()) if (value := _inside(member, key)) is not None
+    )
     if array == "override" and len(values) == 1:
         values = (values[0], "actuator", _inside(member, "actuator"))
-    plain = all(type(value) in (int, str) and re.fullmatch(r"\w{1,20}", str(value)) for value in values)
+    plain = all(
+        type(value) in (int, str) and re.fullmatch(r"\w{1,20}", str(value)) for value in values
+    )
     return tuple(map(str, values)) if plain else ()
 
 
@@ -103,18 +121,24 @@ def as_key(key: Any) -> str:
 
 
 def refusal(expected: str, *at: str | int) -> PydanticCustomError:
-    """Return the exception of a validator for the value at `at`, a key path below the validated one."""
+    """Return the exception of a validator for the value at `at`, a key path below the validated
+    one.
+    """
     return PydanticCustomError("refused", "expected {expected}", {"expected": expected, "at": at})
 
 
 def suggestion(word: str, known: Iterable[str], said: Callable[[str], str] = str) -> str:
-    """Return ", did you mean ...?" with the known word closest to `word`, as `said`, or "" when none is close."""
+    """Return ", did you mean ...?" with the known word closest to `word`, as `said`, or "" when
+    none is close.
+    """
     close = difflib.get_close_matches(word, list(known), n=1)
     return f", did you mean {said(close[0])}?" if close else ""
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
-    """Return `suggestion`, or ", one of ..." with all known words when none is close, "" when there are none."""
+    """Return `suggestion`, or ", one of ..." with all known words when none is close, "" when there
+    are none.
+    """
     names = list(known)
     return suggestion(word, names) or (f", one of {', '.join(names)}" if names else "")
 
@@ -181,7 +205,9 @@ def problems_of(error: ValidationError, data: Any = None) -> list[Problem]:
     """
     problems = [_problem_of(details, data) for details in error.errors(include_url=False)]
     inner = {problem.path[:length] for problem in problems for length in range(len(problem.path))}
-    problems = [each for each in problems if each.kind != "too_short" or each.path not in inner]  # broken members
+    problems = [
+        each for each in problems if each.kind != "too_short" or each.path not in inner
+    ]  # broken members
     unknown = [problem.path for problem in problems if problem.kind == "extra_forbidden"][:COMPARED]
     kept: dict[tuple[str, KeyPath], Problem] = {}
     for problem in problems:
@@ -192,12 +218,19 @@ def problems_of(error: ValidationError, data: Any = None) -> list[Problem]:
 
 
 def _problem_of(details: ErrorDetails, data: Any) -> Problem:
-    kind, context = details["type"], details.get("ctx", {})
+    kind = details["type"]
+    context = details.get("ctx", {})
     at = context.get("at", ())
-    named = tuple(ENDING.sub("", part) if isinstance(part, str) else part for part in at)  # names of attributes
+    named = tuple(
+        ENDING.sub("", part) if isinstance(part, str) else part for part in at
+    )  # names of attributes
     path = max((_present((*details["loc"], *below), data) for below in (at, named)), key=len)
     if kind == "missing" and isinstance(details["loc"][-1], int):
-        return Problem("short", path, f"{details['loc'][-1] + 1} values, not {len(reduce(_inside, path, data))}")
+        return Problem(
+            "short",
+            path,
+            f"{details['loc'][-1] + 1} values, not {len(reduce(_inside, path, data))}",
+        )
     if kind == "missing":
         return Problem(kind, (*path, details["loc"][-1]), "")
     value = reduce(_inside, path, data)
@@ -205,7 +238,9 @@ def _problem_of(details: ErrorDetails, data: Any) -> Problem:
         return Problem(kind, path, f"an array of tables, [[{key_path(path)}]]")
     if kind == "float_type" and isinstance(value, int) and not isinstance(value, bool):
         return Problem(kind, path, "a number below 1e308")
-    limits = {name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in context.items()}
+    limits = {
+        name: f"{limit:g}" if isinstance(limit, float) else limit for name, limit in context.items()
+    }
     otherwise = details["msg"].removeprefix("Value error, ").replace("{", "{{").replace("}", "}}")
     return Problem(kind, path, _EXPECTED.get(kind, otherwise).format(**limits))
 
@@ -216,14 +251,21 @@ def _present(path: KeyPath, data: Any) -> KeyPath:
     for part in path:
         in_table = isinstance(data, dict) and part in data
         if in_table or (isinstance(data, list) and isinstance(part, int) and part < len(data)):
-            found, data = (*found, part), data[part]
+            found = (*found, part)
+            data = data[part]
     return found
 
 
 def needed(path: KeyPath, model: type[BaseModel], data: Any = None) -> list[str]:
-    """Return the keys that are missing: the key at the path itself, or the required keys of a missing table."""
+    """Return the keys that are missing: the key at the path itself, or the required keys of a
+    missing table.
+    """
     inside = _annotation_at(model, path)
-    fields = inside.model_fields.items() if isinstance(inside, type) and issubclass(inside, BaseModel) else ()
+    fields = (
+        inside.model_fields.items()
+        if isinstance(inside, type) and issubclass(inside, BaseModel)
+        else ()
+    )
     names = [field.alias or name for name, field in fields if field.is_required()]
     keys = [key for name in names for key in needed((*path, name), model, data)]
     return keys or [key_path(path, data)]  # a table may have no required key
@@ -235,13 +277,18 @@ def _annotation_at(model: type[BaseModel], path: KeyPath) -> Any:
     for part in (each for each in path if isinstance(each, str)):
         table = next(_models_in(annotation), None)
         fields = table.model_fields.items() if table else ()
-        annotation = next((field.annotation for name, field in fields if part in (name, field.alias)), None)
+        annotation = next(
+            (field.annotation for name, field in fields if part in (name, field.alias)), None
+        )
     return annotation
 
 
-def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_name: bool = False) -> str:
+def sentence(
+    problem: Problem, model: type[BaseModel], data: dict[str, Any], by_name: bool = False
+) -> str:
     """Return the message of a problem in the terms of the file, or `by_name` in those of Python."""
-    key, what = key_path(problem.path, data), "name" if by_name else "key"
+    key = key_path(problem.path, data)
+    what = "name" if by_name else "key"
     if problem.kind == "missing":
         return f"{key} is missing"
     if problem.kind == "extra_forbidden":
@@ -254,20 +301,37 @@ def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_
     if not problem.path:
         return f"expected {problem.expected}"
     names = [part for part in problem.path if isinstance(part, str)]
-    alias = _fields_at(model, problem.path[:-1], by_name).get(names[-1], "") if by_name and names else ""
-    unit = f"{alias} " if alias.endswith(("_gpa", "_deg", "_um")) else ""  # the unit of the expected number
-    return f"{key} = {shown(reduce(_inside, problem.path, data))}, expected {unit}{problem.expected}"
+    alias = (
+        _fields_at(model, problem.path[:-1], by_name).get(names[-1], "")
+        if by_name and names
+        else ""
+    )
+    unit = (
+        f"{alias} " if alias.endswith(("_gpa", "_deg", "_um")) else ""
+    )  # the unit of the expected number
+    return (
+        f"{key} = {shown(reduce(_inside, problem.path, data))}, expected {unit}{problem.expected}"
+    )
 
 
 def _fields_at(model: type[BaseModel], path: KeyPath, by_name: bool) -> dict[str, str]:
-    """Return the file keys of the table at a path, by key or by name of the attribute; `provenance` comes last."""
+    """Return the file keys of the table at a path, by key or by name of the attribute; `provenance`
+    comes last.
+    """
     table = next(_models_in(_annotation_at(model, path)), model)
     keys = {name: field.alias or name for name, field in table.model_fields.items()}
-    return {name if by_name else keys[name]: keys[name] for name in sorted(keys, key="provenance".__eq__)}
+    return {
+        name if by_name else keys[name]: keys[name]
+        for name in sorted(keys, key="provenance".__eq__)
+    }
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if get_origin(annotation) is None and isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if (
+        get_origin(annotation) is None
+        and isinstance(annotation, type)
+        and issubclass(annotation, BaseModel)
+    ):
         yield annotation
     for inner in get_args(annotation):
         yield from _models_in(inner)
@@ -280,7 +344,9 @@ def as_toml(value: Any) -> str:
     if isinstance(value, int) and value.bit_length() > 4 * SHOWN:
         return f"{value >> (value.bit_length() - 64)}... ({value.bit_length()} bits)"
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{as_key(key)} = {as_toml(item)}" for key, item in value.items()) + "}"
+        return (
+            "{" + ", ".join(f"{as_key(key)} = {as_toml(item)}" for key, item in value.items()) + "}"
+        )
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(as_toml, value)) + "]"
     return value.isoformat() if hasattr(value, "isoformat") else printed(value)

@@ -1,8 +1,8 @@
-"""Read and check TOML files: every error is one line that names file, line, key, value and expected value.
+"""Read and check TOML files: every error is one line that names file, line, key, value and expected
+value.
 
-The text is split into statements before `tomllib` parses it. This gives the line of every key, and it rejects nesting
-that would overflow the stack of `tomllib` or take quadratic time.
-"""
+The text is split into statements before `tomllib` parses it. This gives the line of every key, and
+it rejects nesting that would overflow the stack of `tomllib` or take quadratic time."""
 
 from __future__ import annotations
 
@@ -34,9 +34,20 @@ from flexfem.files.refusals import (
 from flexfem.refused import BadInput
 
 MAX_BYTES = 2**20
-DRAWINGS = (".dxf", ".step", ".stp", ".svg")  # files that are no TOML, and that many commands take instead of it
+DRAWINGS = (
+    ".dxf",
+    ".step",
+    ".stp",
+    ".svg",
+)  # files that are no TOML, and that many commands take instead of it
 MAX_DEPTH = 32  # brackets around a value, parts of a dotted key; shipped files have at most four
-DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}  # of Windows
+DEVICES = {
+    "CON",
+    "PRN",
+    "AUX",
+    "NUL",
+    *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10)),
+}  # of Windows
 _STRING = r"""
     (?: \"{3} (?: [^"\\] | \\.? | "{1,2}(?!") )*+ (?: "{3,5} | \Z ) | \'{3} (?: [^'] | '{1,2}(?!') )*+ (?: '{3,5} | \Z )
       | " (?: [^"\\\n] | \\[^\n]? )*+ "? | ' [^'\n]*+ '? )"""  # possessive, also unclosed: linear time on any text
@@ -52,7 +63,9 @@ class DepthError(Exception):
 
 
 def _ends(text: str) -> Iterator[int]:
-    """Yield the offsets at which statements (header, key with value, comment) end. Raises DepthError."""
+    """Yield the offsets at which statements (header, key with value, comment) end. Raises
+    DepthError.
+    """
     depth = 0
     for match in _TOKEN.finditer(text):
         token = match[0]
@@ -73,9 +86,13 @@ class TomlFile:
 
     @cached_property
     def places(self) -> dict[KeyPath, tuple[int, int]]:
-        """Line, from 1, of the statement that contains each key path, and the rank of the path in the file."""
-        found, counts = dict[KeyPath, tuple[int, int]](), Counter[KeyPath]()
-        line, table = 1, KeyPath()
+        """Line, from 1, of the statement that contains each key path, and the rank of the path in
+        the file.
+        """
+        found = dict[KeyPath, tuple[int, int]]()
+        counts = Counter[KeyPath]()
+        line = 1
+        table = KeyPath()
         for start, end in pairwise([0, *self.ends]):
             statement = self.text[start:end]
             content: Any = tomllib.loads(statement)
@@ -84,7 +101,8 @@ class TomlFile:
                 while content:
                     if isinstance(content, list):
                         counts[table] += 1
-                        table, content = (*table, counts[table] - 1), content[0]
+                        table = (*table, counts[table] - 1)
+                        content = content[0]
                         break
                     part, content = next(iter(content.items()))
                     table = (*table, part)
@@ -92,7 +110,10 @@ class TomlFile:
                         found.setdefault(table, (line, len(found)))
                         table = (*table, counts[table] - 1)
                     found.setdefault(table, (line, len(found)))
-                found[table] = (line, len(found))  # a better line than that of [table.below] before it
+                found[table] = (
+                    line,
+                    len(found),
+                )  # a better line than that of [table.below] before it
             else:
                 for path in paths_in(content, table):
                     found.setdefault(path, (line, len(found)))
@@ -121,7 +142,13 @@ def line_of(text: str, offset: int) -> int:
 
 def paths_in(content: Any, above: KeyPath = ()) -> Iterator[KeyPath]:
     """Yield the paths of all keys and indices in a content, which stands at the path `above`."""
-    inner = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
+    inner = (
+        content.items()
+        if isinstance(content, dict)
+        else enumerate(content)
+        if isinstance(content, list)
+        else ()
+    )
     for part, value in inner:
         yield (*above, part)
         yield from paths_in(value, (*above, part))
@@ -133,7 +160,16 @@ Model = TypeVar("Model", bound=BaseModel)
 
 KINDS = {  # by the keys that only files of that kind have
     "stage file": ("material", "chain", "hinges", "platform", "thickness_mm"),
-    "mechanism file": ("material", "thickness_mm", "body", "hinge", "parameters", "output", "payload", "copy"),
+    "mechanism file": (
+        "material",
+        "thickness_mm",
+        "body",
+        "hinge",
+        "parameters",
+        "output",
+        "payload",
+        "copy",
+    ),
     "case file": ("direction", "curve", "points"),
     "study file": ("sampling", "factor", "figure", "model"),
     "requirements file": ("free", "require", "objective"),
@@ -144,7 +180,9 @@ KINDS = {  # by the keys that only files of that kind have
 
 
 def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
-    """Return the kind of file that most keys indicate; `expected` wins a tie; None where no key indicates one."""
+    """Return the kind of file that most keys indicate; `expected` wins a tie; None where no key
+    indicates one.
+    """
     votes = {kind: sum(key in data for key in keys) for kind, keys in KINDS.items()}
     most = max(votes.values())
     leading = [kind for kind, count in votes.items() if count == most]
@@ -152,7 +190,9 @@ def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
 
 
 def read_toml(path: PathLike) -> TomlFile:
-    """Read a TOML file of at most `MAX_BYTES`, nested at most `MAX_DEPTH` deep. Raises BadInput for any other file."""
+    """Read a TOML file of at most `MAX_BYTES`, nested at most `MAX_DEPTH` deep. Raises BadInput for
+    any other file.
+    """
     if PurePath(path).suffix.lower() in DRAWINGS:
         made = "which flexfem import makes of a drawing"
         raise BadInput(f"{place_of(path)}: this is a drawing, expected a TOML file, {made}")
@@ -180,13 +220,16 @@ def bad_key(path: PathLike, key: KeyPath, message: str) -> BadInput:
 
 
 def validate(
-    model_class: type[Model], path: PathLike, completed: Callable[[dict[str, Any]], dict[str, Any]] | None = None
+    model_class: type[Model],
+    path: PathLike,
+    completed: Callable[[dict[str, Any]], dict[str, Any]] | None = None,
 ) -> Model:
-    """Read a TOML file into its model; `completed` adds the data of other files that the file names.
+    """Read a TOML file into its model; `completed` adds the data of other files that the file
+    names.
 
-    Raises BadInput as `read_toml`, and for a file of another kind and for missing, unknown or invalid keys. The first
-    invalid value in the file is named and the others are counted; all missing keys are named.
-    """
+    Raises BadInput as `read_toml`, and for a file of another kind and for missing, unknown or
+    invalid keys. The first invalid value in the file is named and the others are counted; all
+    missing keys are named."""
     file = read_toml(path)
     require_plain_stem(path)
     expected = getattr(model_class, "kind", None)
@@ -198,33 +241,59 @@ def validate(
         problems = problems_of(error, data)
     if expected and found and found != expected:
         raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
-    wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: file.place(problem.path))
-    keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem.path, model_class, data)]
+    wrong = sorted(
+        (p for p in problems if p.kind != "missing"), key=lambda problem: file.place(problem.path)
+    )
+    keys = [
+        key
+        for problem in problems
+        if problem.kind == "missing"
+        for key in needed(problem.path, model_class, data)
+    ]
     more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
     messages = [sentence(wrong[0], model_class, data) + more] if wrong else []
     if keys:
-        messages.append(f"{', '.join(keys[:-1])} and {keys[-1]} are missing" if keys[1:] else f"{keys[0]} is missing")
+        messages.append(
+            f"{', '.join(keys[:-1])} and {keys[-1]} are missing"
+            if keys[1:]
+            else f"{keys[0]} is missing"
+        )
     first = wrong[0] if wrong else min(problems, key=lambda problem: file.place(problem.path))
-    messages[-1] += " (in mm, to which this file is converted)" if file.data.get("units") == "in" else ""
+    messages[-1] += (
+        " (in mm, to which this file is converted)" if file.data.get("units") == "in" else ""
+    )
     raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {'; '.join(messages)}"))
 
 
 def require_plain_stem(path: PathLike) -> None:
-    """Raise BadInput for a file whose stem would name results that are hidden, misplaced, or read as options."""
+    """Raise BadInput for a file whose stem would name results that are hidden, misplaced, or read
+    as options.
+    """
     stem = PurePath(path).stem
     device = stem.partition(".")[0].rstrip().upper() in DEVICES
-    if stem[:1] in ("", ".", "-", " ") or stem[-1] in ". " or device or not stem.isprintable() or "\\" in stem:
+    if (
+        stem[:1] in ("", ".", "-", " ")
+        or stem[-1] in ". "
+        or device
+        or not stem.isprintable()
+        or "\\" in stem
+    ):
         raise BadInput(
-            f"{place_of(path)}: expected a plain file name, since results are named after it: no leading dot, blank or "
-            "hyphen, no trailing dot or blank, no control character, no backslash, no device of Windows such as CON"
+            f"{place_of(path)}: expected a plain file name, since results are named after it: no "
+            "leading dot, blank or hyphen, no trailing dot or blank, no control character, no "
+            "backslash, no device of Windows such as CON"
         )
 
 
 def read_text(path: PathLike) -> str:
-    """Return the text of a file of at most `MAX_BYTES`. Raises BadInput: not readable, or not UTF-8."""
+    """Return the text of a file of at most `MAX_BYTES`. Raises BadInput: not readable, or not
+    UTF-8.
+    """
     data = read_bytes(path)
     if data.startswith(b"\xef\xbb\xbf"):
-        raise BadInput(f"{place_of(path, 1)}: starts with a byte order mark, expected UTF-8 without one")
+        raise BadInput(
+            f"{place_of(path, 1)}: starts with a byte order mark, expected UTF-8 without one"
+        )
     if b"\0" in data:
         place = place_of(path, data.count(b"\n", 0, data.index(0)) + 1)
         raise BadInput(f"{place}: a NUL byte, expected UTF-8 text")
@@ -235,25 +304,42 @@ def read_text(path: PathLike) -> str:
         raise BadInput(f"{place}: byte {data[error.start]:#04x} is not UTF-8") from None
 
 
-def read_csv(path: PathLike, required: Sequence[str], optional: Sequence[str] = ()) -> dict[int, dict[str, str]]:
-    """Return the rows of a CSV file by line and column; lines that begin with # are comments. Raises BadInput."""
-    texts = {k: text for k, text in enumerate(read_text(path).splitlines(), 1) if text.strip() and text[0] != "#"}
+def read_csv(
+    path: PathLike, required: Sequence[str], optional: Sequence[str] = ()
+) -> dict[int, dict[str, str]]:
+    """Return the rows of a CSV file by line and column; lines that begin with # are comments.
+    Raises BadInput.
+    """
+    texts = {
+        k: text
+        for k, text in enumerate(read_text(path).splitlines(), 1)
+        if text.strip() and text[0] != "#"
+    }
     try:
-        rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
+        rows = [
+            (k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()
+        ] or [(1, [])]
     except csv.Error as error:
         raise BadInput(f"{place_of(path)}: {error}, expected CSV") from None
     line, head = rows.pop(0)
     if len(set(head)) < len(head) or not set(required) <= set(head) <= {*required, *optional}:
         columns = f"{one_line(', '.join(head), 60) or 'none'}, expected {', '.join(required)}"
-        raise BadInput(f"{place_of(path, line)}: columns {columns}{''.join(f', [{key}]' for key in optional)}")
+        raise BadInput(
+            f"{place_of(path, line)}: columns {columns}{''.join(f', [{key}]' for key in optional)}"
+        )
     for line, row in rows:
         if len(row) != len(head):
-            raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(head)}, as the first line has")
+            raise BadInput(
+                f"{place_of(path, line)}: {len(row)} values, expected {len(head)}, as the first "
+                "line has"
+            )
     return {line: dict(zip(head, row, strict=True)) for line, row in rows}
 
 
 def read_bytes(path: PathLike, most: int = MAX_BYTES) -> bytes:
-    """Return the content of a regular file of at most `most` bytes (whole MiB). Raises BadInput for any other."""
+    """Return the content of a regular file of at most `most` bytes (whole MiB). Raises BadInput for
+    any other.
+    """
     path = checked_path(path)
     try:
         mode = os.stat(path).st_mode
@@ -266,18 +352,26 @@ def read_bytes(path: PathLike, most: int = MAX_BYTES) -> bytes:
         raise BadInput(f"{place_of(path)}: no such file{_similar(path)}") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = error.strerror if isinstance(error, OSError) else error
-        raise BadInput(f"{place_of(path)}: cannot be read: {one_line(str(reason), 2 * SHOWN)}") from None
+        raise BadInput(
+            f"{place_of(path)}: cannot be read: {one_line(str(reason), 2 * SHOWN)}"
+        ) from None
     if len(data) > most:
-        raise BadInput(f"{place_of(path)}: more than {most} bytes, expected at most {most >> 20} MiB")
+        raise BadInput(
+            f"{place_of(path)}: more than {most} bytes, expected at most {most >> 20} MiB"
+        )
     return data
 
 
 def _similar(path: Path) -> str:
-    """Return ", did you mean ...?" with the file of the same folder whose name without extension is closest, or ""."""
+    """Return ", did you mean ...?" with the file of the same folder whose name without extension is
+    closest, or "".
+    """
     try:
         files = sorted(name for name in os.listdir(path.parent) if path.with_name(name).is_file())
     except OSError:
         return ""
-    files.sort(key=lambda name: (name.endswith(path.suffix), name.endswith(".toml")))  # of equal stems the last counts
+    files.sort(
+        key=lambda name: (name.endswith(path.suffix), name.endswith(".toml"))
+    )  # of equal stems the last counts
     names = {PurePath(name).stem: name for name in files}
     return suggestion(path.stem, names, lambda stem: place_of(path.with_name(names[stem])))

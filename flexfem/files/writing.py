@@ -22,8 +22,34 @@ from flexfem.files.refusals import as_key, as_toml, place_of
 from flexfem.refused import BadInput
 
 FILE_ENDINGS = (  # of files that flexfem or others write
-    *(".bmp", ".csv", ".dxf", ".gif", ".html", ".inp", ".jpeg", ".jpg", ".json", ".mat", ".md", ".msh", ".npz"),
-    *(".parquet", ".pdf", ".png", ".step", ".stp", ".svg", ".toml", ".txt", ".vtk", ".vtu", ".xlsx"),
+    *(
+        ".bmp",
+        ".csv",
+        ".dxf",
+        ".gif",
+        ".html",
+        ".inp",
+        ".jpeg",
+        ".jpg",
+        ".json",
+        ".mat",
+        ".md",
+        ".msh",
+        ".npz",
+    ),
+    *(
+        ".parquet",
+        ".pdf",
+        ".png",
+        ".step",
+        ".stp",
+        ".svg",
+        ".toml",
+        ".txt",
+        ".vtk",
+        ".vtu",
+        ".xlsx",
+    ),
 )
 LONGEST_NAME = 240  # bytes; file systems take 255, and the name of the temporary file is longer
 NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)  # of file systems that cannot flush a folder
@@ -36,8 +62,14 @@ def toml_text(content: Mapping[str, Any]) -> str:
 
 def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
-    lists = {key: value for key, value in table.items() if isinstance(value, list | tuple) and value}
-    arrays = {key: value for key, value in lists.items() if all(isinstance(item, Mapping) for item in value)}
+    lists = {
+        key: value for key, value in table.items() if isinstance(value, list | tuple) and value
+    }
+    arrays = {
+        key: value
+        for key, value in lists.items()
+        if all(isinstance(item, Mapping) for item in value)
+    }
     for key, value in table.items():
         if key not in tables and key not in arrays:
             yield f"{as_key(key)} = {as_toml(value)}"
@@ -52,45 +84,65 @@ def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
-    """Return a table in Markdown without a final line end; `align` has l or r for each column, default l."""
+    """Return a table in Markdown without a final line end; `align` has l or r for each column,
+    default l.
+    """
     rule = ["---:" if side == "r" else "---" for side in align.ljust(len(head), "l")]
     lines = [head, rule, *([cell.replace("|", "\\|") for cell in row] for row in rows)]
-    return "\n".join("|" + "".join(f" {cell} |" if cell else " |" for cell in line) for line in lines)
+    return "\n".join(
+        "|" + "".join(f" {cell} |" if cell else " |" for cell in line) for line in lines
+    )
 
 
 def check_folder(folder: Path, written: bool = True) -> None:
-    """Raise BadInput where a file is in the place of a folder, or the folder to be `written` is read-only.
+    """Raise BadInput where a file is in the place of a folder, or the folder to be `written` is
+    read-only.
 
-    A new folder with the name of a file, such as picture.png, is a mistake: files in a folder are named by flexfem.
-    """
+    A new folder with the name of a file, such as picture.png, is a mistake: files in a folder are
+    named by flexfem."""
     with _refused(folder):
         for place in (folder, *folder.parents):
             if place.is_dir():
                 if written and not os.access(place, os.W_OK):
-                    raise BadInput(f"{place_of(folder)}: no permission to write in {place_of(place)}")
+                    raise BadInput(
+                        f"{place_of(folder)}: no permission to write in {place_of(place)}"
+                    )
                 return
             if place.suffix.lower() in FILE_ENDINGS and not place.exists():
                 hint = "the files in it are named after the input"
-                raise BadInput(f"{place_of(place)}: the name of a file, expected the name of a folder: {hint}")
+                raise BadInput(
+                    f"{place_of(place)}: the name of a file, expected the name of a folder: {hint}"
+                )
             if place.exists() or place.is_symlink():
-                raise BadInput(f"{place_of(folder)}: {place_of(place)} is a file, expected a folder")
+                raise BadInput(
+                    f"{place_of(folder)}: {place_of(place)} is a file, expected a folder"
+                )
 
 
 def check_file(path: Path, *read: Path) -> None:
-    """Raise BadInput for an output file that the user has named: as `check_name`, or its folder cannot take it."""
+    """Raise BadInput for an output file that the user has named: as `check_name`, or its folder
+    cannot take it.
+    """
     check_name(path, *read)
     if not path.parent.is_dir():
-        raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected an existing folder")
+        raise BadInput(
+            f"{place_of(path)}: no folder {place_of(path.parent)}, expected an existing folder"
+        )
     check_folder(path.parent)
 
 
 def check_name(path: Path, *read: Path) -> None:
-    """Raise BadInput for an output file that is a folder, has too long a name, or is one of the inputs (`read`)."""
+    """Raise BadInput for an output file that is a folder, has too long a name, or is one of the
+    inputs (`read`).
+    """
     with _refused(path):
         if path.is_dir():
             raise BadInput(f"{place_of(path)}: is a folder, expected a file")
         if len(os.fsencode(path.name)) > LONGEST_NAME:
-            raise BadInput(f"{place_of(path)}: a name of more than {LONGEST_NAME} bytes, expected a shorter one")
+            raise BadInput(
+                f"{place_of(path)}: a name of more than {LONGEST_NAME} bytes, expected a shorter "
+                "one"
+            )
     require_unread(path, read=read)
 
 
@@ -107,12 +159,13 @@ def _refused(path: Path) -> Iterator[None]:
 def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`, and move it to `path` when no error occurred.
 
-    The file is on the disk before it replaces an older one, and the folder when this ends: whenever power fails, `path`
-    is the old file or the new one as a whole.
+    The file is on the disk before it replaces an older one, and the folder when this ends: whenever
+    power fails, `path` is the old file or the new one as a whole.
 
     Parameters
     ----------
-    suffix : extension of the temporary path, by default that of `path`; some writers choose the format by it.
+    suffix : extension of the temporary path, by default that of `path`; some writers choose the
+    format by it.
     again : the file belongs to flexfem, which may have read it before.
 
     Raises BadInput when the file cannot be written, or is an input of the command.
@@ -143,7 +196,9 @@ def _make_folder(folder: Path) -> None:
 
 def _flush(path: Path) -> None:
     """Wait until the content of a file or folder is on the disk."""
-    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)  # Windows flushes what is open for writing
+    handle = os.open(
+        path, os.O_RDONLY if path.is_dir() else os.O_RDWR
+    )  # Windows flushes what is open for writing
     try:
         os.fsync(handle)
     finally:
@@ -157,7 +212,10 @@ def _flush_folder(folder: Path) -> None:
     try:
         _flush(folder)
     except OSError as error:
-        if error.errno not in (*NO_FLUSH, errno.EACCES):  # a folder that may be written but not read
+        if error.errno not in (
+            *NO_FLUSH,
+            errno.EACCES,
+        ):  # a folder that may be written but not read
             raise
 
 
@@ -168,7 +226,9 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: boo
 
 
 def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:
-    """Return the arrays of an .npz file by name. Raises BadInput, naming the expected content `what`."""
+    """Return the arrays of an .npz file by name. Raises BadInput, naming the expected content
+    `what`.
+    """
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return dict(arrays)

@@ -1,19 +1,20 @@
 """Compliance of a notch: beam integrals, and charts of their corrections from finite elements.
 
-The beam integrals are dimensionless functions of tau = t/R: rotation theta/M times E b R^2, axial dx/F_x and bending
-dy/F_y (the bending part of the shear compliance) times E b, over x = R sin(theta) in -R..R, where the depth is
-h(x) = t + 2 R - 2 sqrt(R^2 - x^2).
+The beam integrals are dimensionless functions of tau = t/R: rotation theta/M times E b R^2, axial
+dx/F_x and bending dy/F_y (the bending part of the shear compliance) times E b, over x = R
+sin(theta) in -R..R, where the depth is h(x) = t + 2 R - 2 sqrt(R^2 - x^2).
 
-`benchmarks/hinge_charts.py` makes the files in `flexfem/data`, which state their versions, meshes and uncertainties.
-`hinge_chart.json` and `hinge_chart_high.json` hold plane-stress compliances on grids of t/R and H/h (H is the height of
-the blocks beside the notch, h = 2R + t that of the notch) for H/h from 1 to 3 and from 3 to 60. Divided by the beam
-integrals they are smooth in sqrt(t/R) and log(H/h). For large H/h the blocks act as half-planes: rotation tends to a
-limit, axial and shear compliance grow by `SPREADING ln(H/h) / (E b)` (Flamant; K. L. Johnson, Contact Mechanics, 1985,
+`benchmarks/hinge_charts.py` makes the files in `flexfem/data`, which state their versions, meshes
+and uncertainties. `hinge_chart.json` and `hinge_chart_high.json` hold plane-stress compliances on
+grids of t/R and H/h (H is the height of the blocks beside the notch, h = 2R + t that of the notch)
+for H/h from 1 to 3 and from 3 to 60. Divided by the beam integrals they are smooth in sqrt(t/R) and
+log(H/h). For large H/h the blocks act as half-planes: rotation tends to a limit, axial and shear
+compliance grow by `SPREADING ln(H/h) / (E b)` (Flamant; K. L. Johnson, Contact Mechanics, 1985,
 sections 2.2 and 2.3), and the remainder is a polynomial in h/H, valid for every H/h from 3.
 
-`thickness_chart.json` holds, over t/R, b/t and Poisson's ratio, the position p of a hinge of thickness b between plane
-stress and plane strain, C = C_ps (1 - nu^2 p), and the ratio of its highest von Mises stress to that in plane stress.
-"""
+`thickness_chart.json` holds, over t/R, b/t and Poisson's ratio, the position p of a hinge of
+thickness b between plane stress and plane strain, C = C_ps (1 - nu^2 p), and the ratio of its
+highest von Mises stress to that in plane stress."""
 
 from __future__ import annotations
 
@@ -35,20 +36,23 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)  # 1e-12 or better for t/R 
 def quadrature(tau: Array, power_of_x: int, power_of_depth: int) -> Array:
     """Integral of (x/R)^m (h/R)^-n d(x/R) over the notch by Gauss quadrature; shape of `tau`.
 
-    x = R sin(theta) removes the vertical tangent of h at the ends. theta = sqrt(tau) sinh(w) moves the poles of 1/h,
-    which approach the neck as +- i sqrt(tau), to the fixed distance pi/2.
-    """
+    x = R sin(theta) removes the vertical tangent of h at the ends. theta = sqrt(tau) sinh(w) moves
+    the poles of 1/h, which approach the neck as +- i sqrt(tau), to the fixed distance pi/2."""
     scale = np.sqrt(np.asarray(tau, dtype=float))[..., None]
     end = np.arcsinh(0.5 * np.pi / scale)
     theta = scale * np.sinh(end * NODES)
     depth = scale**2 + 4.0 * np.sin(0.5 * theta) ** 2
     jacobian = np.cos(theta) * scale * np.cosh(end * NODES) * end
-    value: Array = np.sum(WEIGHTS * np.sin(theta) ** power_of_x * depth**-power_of_depth * jacobian, axis=-1)
+    value: Array = np.sum(
+        WEIGHTS * np.sin(theta) ** power_of_x * depth**-power_of_depth * jacobian, axis=-1
+    )
     return value
 
 
 def rotation_paros_weisbord(tau: Array) -> Array:
-    """E b R^2 alpha_z/M_z by (2), which holds for any depth gamma; here for the full notch, gamma = 1 + beta."""
+    """E b R^2 alpha_z/M_z by (2), which holds for any depth gamma; here for the full notch, gamma =
+    1 + beta.
+    """
     beta = 0.5 * tau
     gamma = 1.0 + beta
     q = 2.0 * beta + beta**2
@@ -69,10 +73,9 @@ def axial_paros_weisbord(tau: Array) -> Array:
 def bending_closed(tau: Array) -> Array:
     """E b int x^2 dx/(E I) in closed form; our own algebra.
 
-    With h = 2 R (c - cos theta), c = 1 + beta, and J_n = int (c - cos theta)^-n d theta over -pi/2..pi/2, integration
-    by parts of sin theta * sin theta cos theta / (c - cos theta)^3 leaves J_1 and J_2. Cancellation costs two digits at
-    t/R = 2 and none for thin necks.
-    """
+    With h = 2 R (c - cos theta), c = 1 + beta, and J_n = int (c - cos theta)^-n d theta over
+    -pi/2..pi/2, integration by parts of sin theta * sin theta cos theta / (c - cos theta)^3 leaves
+    J_1 and J_2. Cancellation costs two digits at t/R = 2 and none for thin necks."""
     beta = 0.5 * tau
     c = 1.0 + beta
     q = 2.0 * beta + beta**2
@@ -88,9 +91,11 @@ ROUND_OFF = 1e-9  # relative; a block as high as the notch is on the chart in sp
 
 
 class Compliance(NamedTuple):
-    """Compliances of a hinge about its neck centre in its own frame, where they are uncoupled; or factors on them.
+    """Compliances of a hinge about its neck centre in its own frame, where they are uncoupled; or
+    factors on them.
 
-    rotation : 1/(N mm), relative angle of the two bodies per moment.   axial : mm/N, elongation per axial force.
+    rotation : 1/(N mm), relative angle of the two bodies per moment.   axial : mm/N, elongation per
+    axial force.
     shear : mm/N, transverse displacement per transverse force at the neck centre.
     """
 
@@ -113,7 +118,11 @@ class Series(NamedTuple):
 
     @classmethod
     def through(
-        cls, ends: tuple[tuple[float, float], ...], scales: tuple[np.ufunc, ...], points: list[Array], samples: Array
+        cls,
+        ends: tuple[tuple[float, float], ...],
+        scales: tuple[np.ufunc, ...],
+        points: list[Array],
+        samples: Array,
     ) -> Series:
         """Interpolate samples (functions, n, m, ...) at Chebyshev points."""
         for axis, nodes in enumerate(points, start=1):
@@ -128,42 +137,62 @@ class Series(NamedTuple):
 
     def at(self, *point: ArrayLike) -> Array:
         """Return the values (functions, ...) at coordinates (...), broadcast; nan outside the box."""
-        clipped = [np.clip(np.asarray(x, dtype=float), *ends) for x, ends in zip(point, self.ends, strict=True)]
+        clipped = [
+            np.clip(np.asarray(x, dtype=float), *ends)
+            for x, ends in zip(point, self.ends, strict=True)
+        ]
         return np.where(self.covers(*point), self.extrapolated(*clipped), np.nan)
 
     def extrapolated(self, *point: Array) -> Array:
-        """Return the values (functions, ...) at coordinates (...), broadcast, inside and outside the box."""
+        """Return the values (functions, ...) at coordinates (...), broadcast, inside and outside
+        the box.
+        """
         arguments = zip(point, self.ends, self.scales, self.coefficients.shape[1:], strict=True)
         bases = [_vander(*each) for each in arguments]
         axes = "ijk"[: len(bases)]
         terms = ",".join(f"...{axis}" for axis in axes)
-        return np.asarray(np.einsum(f"f{axes},{terms}->f...", self.coefficients, *bases, optimize=True))
+        return np.asarray(
+            np.einsum(f"f{axes},{terms}->f...", self.coefficients, *bases, optimize=True)
+        )
 
 
 class HingeChart(NamedTuple):
-    """Factors over t/R and H/h: `low` up to its largest H/h, `high` above it without the logarithmic growth."""
+    """Factors over t/R and H/h: `low` up to its largest H/h, `high` above it without the
+    logarithmic growth.
+    """
 
     low: Series
     high: Series
 
     def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether t/R and H/h (broadcast against each other) are on the chart; H/h has no upper limit."""
-        return _within(ratio, self.low.ends[0]) & _within(height, (self.low.ends[1][0], np.inf)) & np.isfinite(height)
+        """Return whether t/R and H/h (broadcast against each other) are on the chart; H/h has no
+        upper limit.
+        """
+        return (
+            _within(ratio, self.low.ends[0])
+            & _within(height, (self.low.ends[1][0], np.inf))
+            & np.isfinite(height)
+        )
 
     def factors(self, ratio: ArrayLike, height: ArrayLike) -> Compliance:
         """Return the factors (...) at t/R and H/h, broadcast against each other."""
-        tau, eta = np.broadcast_arrays(np.asarray(ratio, dtype=float), np.asarray(height, dtype=float))
+        tau, eta = np.broadcast_arrays(
+            np.asarray(ratio, dtype=float), np.asarray(height, dtype=float)
+        )
         factors = self.low.at(tau, eta)
         is_high = self.covers(tau, eta) & (eta > self.low.ends[1][1] * (1 + ROUND_OFF))
         if np.any(is_high):
-            high_tau, high_eta = np.clip(tau[is_high], *self.low.ends[0]), eta[is_high]
+            high_tau = np.clip(tau[is_high], *self.low.ends[0])
+            high_eta = eta[is_high]
             growth = GROWTH[:, None] * np.log(high_eta) / beam_integrals(high_tau)
             factors[:, is_high] = self.high.extrapolated(high_tau, high_eta) + growth
         return Compliance(*factors)
 
 
 def beam_integrals(tau: Array) -> Array:
-    """Beam integrals (3, ...) that the factors multiply: E b R^2 theta/M, E b dx/F_x, E b dy/F_y at nu = 0."""
+    """Beam integrals (3, ...) that the factors multiply: E b R^2 theta/M, E b dx/F_x, E b dy/F_y at
+    nu = 0.
+    """
     axial = axial_paros_weisbord(tau)
     shear = bending_closed(tau) + 2.0 * SHEAR_CORRECTION * axial
     return np.stack([rotation_paros_weisbord(tau), axial, shear])
@@ -173,10 +202,16 @@ def beam_integrals(tau: Array) -> Array:
 def hinge_chart() -> HingeChart:
     """Return the hinge chart of the package."""
     parts = []
-    for name, scale, growth in (("hinge_chart", np.log, 0.0), ("hinge_chart_high", np.reciprocal, GROWTH)):
+    for name, scale, growth in (
+        ("hinge_chart", np.log, 0.0),
+        ("hinge_chart_high", np.reciprocal, GROWTH),
+    ):
         data = json.loads(read_data(f"{name}.json"))
-        tau, eta = np.array(data["t/R"]), np.array(data["H/h"])
-        samples = np.array([data[freedom] for freedom in FREEDOMS]) - np.reshape(growth, (-1, 1, 1)) * np.log(eta)
+        tau = np.array(data["t/R"])
+        eta = np.array(data["H/h"])
+        samples = np.array([data[freedom] for freedom in FREEDOMS]) - np.reshape(
+            growth, (-1, 1, 1)
+        ) * np.log(eta)
         ends = tuple(data["range"]["t/R"]), tuple(data["range"]["H/h"])
         factors = samples / beam_integrals(tau)[:, :, None]
         parts.append(Series.through(ends, (np.sqrt, scale), [tau, eta], factors))
@@ -187,11 +222,13 @@ def hinge_chart() -> HingeChart:
 def thickness_chart() -> Series:
     """Return the thickness chart of the package, over t/R, b/t and nu.
 
-    Its functions are the positions of the rotational and the axial compliance, 0 in plane stress and 1 in plane strain,
-    and the ratios of the highest von Mises stress in bending and in tension to that in plane stress.
-    """
-    data, axes = json.loads(read_data("thickness_chart.json")), ("t/R", "b/t", "nu")
-    points, ends = [np.array(data[axis]) for axis in axes], tuple(tuple(data["range"][axis]) for axis in axes)
+    Its functions are the positions of the rotational and the axial compliance, 0 in plane stress
+    and 1 in plane strain, and the ratios of the highest von Mises stress in bending and in tension
+    to that in plane stress."""
+    data = json.loads(read_data("thickness_chart.json"))
+    axes = ("t/R", "b/t", "nu")
+    points = [np.array(data[axis]) for axis in axes]
+    ends = tuple(tuple(data["range"][axis]) for axis in axes)
     stress = data["stress"]
     samples = np.array([data["rotation"], data["axial"], stress["bending"], stress["tension"]])
     return Series.through(ends, (np.sqrt, np.log, np.positive), points, samples)
@@ -200,28 +237,36 @@ def thickness_chart() -> Series:
 def thickness_factors(
     radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike
 ) -> Compliance:
-    """Return the factors (...), at most 1, on the plane-stress compliances of hinges; mm, the arguments broadcast.
+    """Return the factors (...), at most 1, on the plane-stress compliances of hinges; mm, the
+    arguments broadcast.
 
     nan where t/R, b/t or nu is not on the chart.
 
-    Shear has the position of rotation between plane stress and plane strain. Its plane-strain limit follows from its
-    plane-stress value `S0 + 4.8 nu R/H` (`benchmarks/hinge_charts.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place
-    of E and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
-    """
-    R, t, b, nu = (np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio))
+    Shear has the position of rotation between plane stress and plane strain. Its plane-strain limit
+    follows from its plane-stress value `S0 + 4.8 nu R/H` (`benchmarks/hinge_charts.py`) with `E/(1
+    - nu^2)` and `nu/(1 - nu)` in place of E and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`."""
+    R, t, b, nu = (
+        np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio)
+    )
     tau = t / R
     rotation, axial = thickness_chart().at(tau, b / t, nu)[:2]
     slender = beam_integrals(tau)[2] * hinge_chart().factors(tau, 1.0).shear
     stretch = 4.0 * SHEAR_CORRECTION / (2.0 + tau)
     softening = (slender - stretch) / (slender + stretch * nu)
-    return Compliance(1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening)
+    return Compliance(
+        1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening
+    )
 
 
 def _vander(values: Array, ends: tuple[float, float], scale: np.ufunc, terms: int) -> Array:
-    """Return Chebyshev polynomials (..., terms) of values (...), mapped by a scale from its ends to -1 and 1."""
+    """Return Chebyshev polynomials (..., terms) of values (...), mapped by a scale from its ends to
+    -1 and 1.
+    """
     low, high = scale(ends)
     scaled = np.asarray(2.0 * (scale(values) - low) / (high - low) - 1.0)
-    return np.asarray(chebvander(scaled, terms - 1)).reshape(*scaled.shape, terms)  # numpy gives a scalar an axis
+    return np.asarray(chebvander(scaled, terms - 1)).reshape(
+        *scaled.shape, terms
+    )  # numpy gives a scalar an axis
 
 
 def _within(values: ArrayLike, ends: tuple[float, float]) -> NDArray[np.bool_]:

@@ -1,4 +1,6 @@
-"""Spring models of the circular hinge: published formulas, the calibrated formula, and formulas of the user."""
+"""Spring models of the circular hinge: published formulas, the calibrated formula, and formulas of
+the user.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,12 @@ class Formula:
 
     name : the key in `FORMULAS`.   source : citation.
     status : certainty of the printed form, and the comparisons made with it.
-    valid : smallest and largest t/R for which the formula is valid (`status` states the origin of the range).
-    rotation, axial, bending : dimensionless functions of t/R (see `chart`), None where the source states none.
-    charted : whether they are multiplied by the factors of the hinge chart, which is not extrapolated.
-    """
+    valid : smallest and largest t/R for which the formula is valid (`status` states the origin of
+    the range).
+    rotation, axial, bending : dimensionless functions of t/R (see `chart`), None where the source
+    states none.
+    charted : whether they are multiplied by the factors of the hinge chart, which is not
+    extrapolated."""
 
     name: str
     source: str
@@ -43,8 +47,12 @@ class Formula:
         functions = (("rotation", self.rotation), ("axial", self.axial), ("shear", self.bending))
         return tuple(freedom for freedom, function in functions if function is not None)
 
-    def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
-        """Return whether t/R (and H/h) is in the range of the formula, broadcast; arguments as for `compliance`."""
+    def in_range(
+        self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None
+    ) -> NDArray[np.bool_]:
+        """Return whether t/R (and H/h) is in the range of the formula, broadcast; arguments as for
+        `compliance`.
+        """
         tau, eta = _notch_ratios(radius, neck, block_height)
         if self.charted:
             return hinge_chart().covers(tau, eta)
@@ -59,32 +67,43 @@ class Formula:
         poissons_ratio: ArrayLike,
         block_height: ArrayLike | None = None,
     ) -> Compliance:
-        """Return the compliances about the neck centre; arguments in mm and MPa broadcast against each other.
+        """Return the compliances about the neck centre; arguments in mm and MPa broadcast against
+        each other.
 
         Parameters
         ----------
-        block_height : height H of the bodies beside the notch; None takes that of the notch, 2R + t. Published formulas
+        block_height : height H of the bodies beside the notch; None takes that of the notch, 2R +
+        t. Published formulas
             ignore it.
 
         Notes
         -----
-        dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A). With a chart,
-        Poisson's ratio affects shear alone, and exactly as in a beam of the height of the blocks:
-        `benchmarks/hinge_charts.py`. Outside `in_range` a chart gives nan and another formula its value, on which the
-        caller warns.
-        """
-        R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
+        dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A).
+        With a chart, Poisson's ratio affects shear alone, and exactly as in a beam of the height of
+        the blocks: `benchmarks/hinge_charts.py`. Outside `in_range` a chart gives nan and another
+        formula its value, on which the caller warns."""
+        R, t, b, E, nu = (
+            np.asarray(v, dtype=float)
+            for v in (radius, neck, thickness, youngs_modulus, poissons_ratio)
+        )
         tau = t / R
         title = f"hinge formula {self.name!r}"
         rotation = _values(f"{title}: function", self.rotation, tau)
         axial = _values(f"{title}: axial", self.axial or chart.axial_paros_weisbord, tau)
         bending = _values(f"{title}: bending", self.bending or chart.bending_closed, tau)
-        beam = axial if self.bending is not None else chart.axial_paros_weisbord(tau)  # E b int dx/(E A)
-        factors, poisson_beam = Compliance(*np.ones(3)), beam
+        beam = (
+            axial if self.bending is not None else chart.axial_paros_weisbord(tau)
+        )  # E b int dx/(E A)
+        factors = Compliance(*np.ones(3))
+        poisson_beam = beam
         if self.charted:
             tau, eta = _notch_ratios(R, t, block_height)
-            factors, poisson_beam = hinge_chart().factors(tau, eta), 2.0 / (eta * (2.0 + tau))  # 2R/H
-        shear = factors.shear * (bending + SHEAR_CORRECTION * 2.0 * beam) + SHEAR_CORRECTION * 2.0 * nu * poisson_beam
+            factors = hinge_chart().factors(tau, eta)
+            poisson_beam = 2.0 / (eta * (2.0 + tau))  # 2R/H
+        shear = (
+            factors.shear * (bending + SHEAR_CORRECTION * 2.0 * beam)
+            + SHEAR_CORRECTION * 2.0 * nu * poisson_beam
+        )
         return Compliance(
             rotation=factors.rotation * rotation / (E * b * R**2),  # (2)
             axial=factors.axial * axial / (E * b) + 0.0 * nu,  # (3)
@@ -92,11 +111,16 @@ class Formula:
         )
 
 
-def _notch_ratios(radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None) -> tuple[Array, Array]:
+def _notch_ratios(
+    radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None
+) -> tuple[Array, Array]:
     """Return t/R and H/h, broadcast."""
-    R, t = np.asarray(radius, dtype=float), np.asarray(neck, dtype=float)
+    R = np.asarray(radius, dtype=float)
+    t = np.asarray(neck, dtype=float)
     h = 2.0 * R + t
-    tau, eta = np.broadcast_arrays(t / R, (h if block_height is None else np.asarray(block_height)) / h)
+    tau, eta = np.broadcast_arrays(
+        t / R, (h if block_height is None else np.asarray(block_height)) / h
+    )
     return tau, eta
 
 
@@ -108,9 +132,9 @@ _ENTRIES = (
     Formula(
         "paros-weisbord",
         "J. M. Paros, L. Weisbord, How to design flexure hinges, Machine Design 37, 151-156 (1965)",
-        "(2) and (3) as recovered, equal to the beam integrals; shear is the Timoshenko beam integral, derived here. No"
-        " published range: the range is where the algebra is tested. For t/R up to 1 beam theory is up to 16 % stiffer"
-        " than plane-stress finite elements",
+        "(2) and (3) as recovered, equal to the beam integrals; shear is the Timoshenko beam "
+        "integral, derived here. No published range: the range is where the algebra is tested. "
+        "For t/R up to 1 beam theory is up to 16 % stiffer than plane-stress finite elements",
         BEAM_RANGE,
         chart.rotation_paros_weisbord,
         chart.axial_paros_weisbord,
@@ -118,27 +142,30 @@ _ENTRIES = (
     Formula(
         "paros-weisbord-short",
         "J. M. Paros, L. Weisbord (1965), approximation for t << R as widely printed",
-        "from several public sources; axial with 2.57 as printed; the limit of (3) is 1 + pi/2 = 2.5708. Range chosen"
-        " here: rotation within 1.3 % and axial within 5 % of the full form",
+        "from several public sources; axial with 2.57 as printed; the limit of (3) is 1 + pi/2 = "
+        "2.5708. Range chosen here: rotation within 1.3 % and axial within 5 % of the full form",
         (1e-4, 0.1),
         lambda tau: 4.5 * np.pi * tau**-2.5,
         lambda tau: np.pi / np.sqrt(tau) - 2.57,
     ),
     Formula(
         "wu-zhou",
-        "Y. Wu, Z. Zhou, Design calculations for flexure hinges, Rev. Sci. Instrum. 73, 3101 (2002)",
-        "cited from memory; the same beam integrals as Paros-Weisbord in other algebra, computed by those formulas. No"
-        " published range",
+        "Y. Wu, Z. Zhou, Design calculations for flexure hinges, Rev. Sci. Instrum. 73, 3101 "
+        "(2002)",
+        "cited from memory; the same beam integrals as Paros-Weisbord in other algebra, computed "
+        "by those formulas. No published range",
         BEAM_RANGE,
         chart.rotation_paros_weisbord,
         chart.axial_paros_weisbord,
     ),
     Formula(
         "lobontiu",
-        "N. Lobontiu, Compliant Mechanisms: Design of Flexure Hinges, CRC Press (2003), symmetric circular hinge",
-        "rotation and transverse form from public code under his name, not checked in the book; axial form from memory."
-        " The same beam integrals in other algebra, computed by the formulas of Paros-Weisbord; the transverse form is"
-        " for a force at the hinge's end and is moved to the centre. No published range",
+        "N. Lobontiu, Compliant Mechanisms: Design of Flexure Hinges, CRC Press (2003), "
+        "symmetric circular hinge",
+        "rotation and transverse form from public code under his name, not checked in the book; "
+        "axial form from memory. The same beam integrals in other algebra, computed by the "
+        "formulas of Paros-Weisbord; the transverse form is for a force at the hinge's end and "
+        "is moved to the centre. No published range",
         BEAM_RANGE,
         chart.rotation_paros_weisbord,
         chart.axial_paros_weisbord,
@@ -146,24 +173,29 @@ _ENTRIES = (
     ),
     Formula(
         "smith-chetwynd",
-        "S. T. Smith, D. G. Chetwynd, Foundations of Ultraprecision Mechanism Design, Gordon and Breach (1992)",
+        "S. T. Smith, D. G. Chetwynd, Foundations of Ultraprecision Mechanism Design, Gordon and "
+        "Breach (1992)",
         "coefficients from public code; attribution and range t < R < 5 t from memory",
         (0.2, 1.0),
         lambda tau: 24.0 * (0.565 * tau + 0.166) * tau**-3.0,  # theta/M = 24 K R/(E b t^3)
     ),
     Formula(
         "koster",
-        "M. P. Koster, Constructieprincipes voor het nauwkeurig bewegen en positioneren, Twente Univ. Press (1998)",
-        "cited from memory; 2 to 7 % from plane-stress finite elements. Published range not known; the range is that"
-        " of the comparison",
+        "M. P. Koster, Constructieprincipes voor het nauwkeurig bewegen en positioneren, Twente "
+        "Univ. Press (1998)",
+        "cited from memory; 2 to 7 % from plane-stress finite elements. Published range not "
+        "known; the range is that of the comparison",
         (0.02, 1.0),
-        lambda tau: 1.0 / (0.093 * np.sqrt(0.5 * tau) * tau**2),  # M/theta = 0.093 sqrt(t/(2R)) E b t^2
+        lambda tau: (
+            1.0 / (0.093 * np.sqrt(0.5 * tau) * tau**2)
+        ),  # M/theta = 0.093 sqrt(t/(2R)) E b t^2
     ),
     Formula(
         "schotborgh",
-        "W. O. Schotborgh et al., Dimensionless design graphs for flexure elements, Precis. Eng. 29, 41-47 (2005)",
-        "cited from memory; within 3 % of plane-stress finite elements for t/R 0.02 to 0.3, 22 % at 1. Published"
-        " range not known; the range is where it is within 3 %",
+        "W. O. Schotborgh et al., Dimensionless design graphs for flexure elements, Precis. Eng. "
+        "29, 41-47 (2005)",
+        "cited from memory; within 3 % of plane-stress finite elements for t/R 0.02 to 0.3, 22 % "
+        "at 1. Published range not known; the range is where it is within 3 %",
         (0.02, 0.3),
         lambda tau: 12.0 / (tau**2 * (-0.0089 + 1.3556 * np.sqrt(0.5 * tau) - 0.5227 * 0.5 * tau)),
     ),
@@ -178,10 +210,11 @@ _ENTRIES = (
     ),
     Formula(
         "calibrated",
-        "plane-stress finite elements of one hinge between elastic blocks, flexfem (flexfem/data/hinge_chart.json)",
-        "the full beam integrals times charted factors, for the height of the links beside the notch, any H/h from 1;"
-        " mesh-extrapolated and interpolated to 1e-4 or better. It has no value outside its range of t/R. H/h above 3:"
-        " hinge_chart_high.json",
+        "plane-stress finite elements of one hinge between elastic blocks, flexfem "
+        "(flexfem/data/hinge_chart.json)",
+        "the full beam integrals times charted factors, for the height of the links beside the "
+        "notch, any H/h from 1; mesh-extrapolated and interpolated to 1e-4 or better. It has no "
+        "value outside its range of t/R. H/h above 3: hinge_chart_high.json",
         hinge_chart().low.ends[0],
         chart.rotation_paros_weisbord,
         chart.axial_paros_weisbord,
@@ -216,13 +249,14 @@ def register_formula(
     function : of t/R (...), returns the dimensionless `E b R^2 theta/M` (...).
     source : origin of the formula, one line.
     valid : smallest and largest t/R for which it is valid; outside, results carry a warning.
-    axial, bending : likewise `E b dx/F_x` and the bending part of `E b dy/F_y`; None takes that of Paros and Weisbord.
+    axial, bending : likewise `E b dx/F_x` and the bending part of `E b dy/F_y`; None takes that of
+    Paros and Weisbord.
 
     Raises
     ------
     BadInput
-        The name is invalid or another formula has it, `valid` is not a range, or a function is not callable, raises, or
-        does not return finite positive numbers over `valid`.
+        The name is invalid or another formula has it, `valid` is not a range, or a function is not
+        callable, raises, or does not return finite positive numbers over `valid`.
 
     Examples
     --------
@@ -232,9 +266,15 @@ def register_formula(
     'plain'
     """
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9-]*", name):
-        raise BadInput(f"hinge formula {shown(name)}: expected a name of letters, digits and hyphens")
+        raise BadInput(
+            f"hinge formula {shown(name)}: expected a name of letters, digits and hyphens"
+        )
     known = FORMULAS.get(name)
-    if known is not None and (known.rotation, known.axial, known.bending) != (function, axial, bending):
+    if known is not None and (known.rotation, known.axial, known.bending) != (
+        function,
+        axial,
+        bending,
+    ):
         raise BadInput(f"hinge formula {printed(name)} is known already, expected another name")
     if not isinstance(source, str) or not source.strip() or not source.isprintable():
         raise BadInput(f"hinge formula {printed(name)}: expected a source, one line of text")
@@ -243,9 +283,16 @@ def register_formula(
     except (TypeError, ValueError):
         low = high = np.nan
     if not 0 < low < high < np.inf:
-        raise BadInput(f"hinge formula {printed(name)}: valid = {shown(valid)}, expected 0 < smallest t/R < largest")
+        raise BadInput(
+            f"hinge formula {printed(name)}: valid = {shown(valid)}, expected 0 < smallest t/R < "
+            "largest"
+        )
     ratio = np.geomspace(low, high, 24).reshape(2, 3, 4)
-    optional = {argument: value for argument, value in (("axial", axial), ("bending", bending)) if value is not None}
+    optional = {
+        argument: value
+        for argument, value in (("axial", axial), ("bending", bending))
+        if value is not None
+    }
     for argument, value in {"function": function, **optional}.items():
         title = f"hinge formula {printed(name)}: {argument}"
         if not callable(value):
@@ -253,12 +300,16 @@ def register_formula(
         values = _values(title, value, ratio)
         if not np.all(np.isfinite(values) & (values > 0)):
             raise BadInput(f"{title} at t/R from {low:g} to {high:g}: {EXPECTED}")
-    FORMULAS[name] = Formula(name, source, "registered by the user", (low, high), function, axial, bending)
+    FORMULAS[name] = Formula(
+        name, source, "registered by the user", (low, high), function, axial, bending
+    )
     return FORMULAS[name]
 
 
 def _values(title: str, function: Callable[[Array], Array], ratio: Array) -> Array:
-    """Return the values (...) of a function at t/R (...). Raises BadInput where a user's function fails."""
+    """Return the values (...) of a function at t/R (...). Raises BadInput where a user's function
+    fails.
+    """
     raised = ""
     try:
         values = np.asarray(function(ratio.copy()))
@@ -273,5 +324,7 @@ def formula(name: str) -> Formula:
     """Return the registered formula. Raises BadInput with the known names when there is none."""
     load_own()
     if not isinstance(name, str) or name not in FORMULAS:
-        raise BadInput(f"hinge formula {printed(name)} is not known, expected one of: {', '.join(FORMULAS)}")
+        raise BadInput(
+            f"hinge formula {printed(name)} is not known, expected one of: {', '.join(FORMULAS)}"
+        )
     return FORMULAS[name]

@@ -1,8 +1,8 @@
-"""Published closed forms of hinge shapes other than the circle, which `Profile.compliance` integrates numerically.
+"""Published closed forms of hinge shapes other than the circle, which `Profile.compliance`
+integrates numerically.
 
-All are integrals of a beam without shear, and agree with the quadrature to round-off: they say what the literature
-computes with.
-"""
+All are integrals of a beam without shear, and agree with the quadrature to round-off: they say what
+the literature computes with."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class ShapeFormula(NamedTuple):
 
     source, status : as in `formulas.Formula`.
     valid : smallest and largest neck over notch depth, fillet radius or, for a leaf, length.
-    functions : by freedom, of a profile: `E b` times the rotation (1/mm^2), axial and bending part of the transverse
+    functions : by freedom, of a profile: `E b` times the rotation (1/mm^2), axial and bending part
+    of the transverse
         compliance (1) for loads at the centre.
     """
 
@@ -36,23 +37,32 @@ class ShapeFormula(NamedTuple):
         return tuple(self.functions)
 
 
-def _elliptical(function: Callable[..., Any], power: int, of_depth: int) -> Callable[[Elliptical], float]:
-    """Return the function of an ellipse by that of the circle whose radius is the depth, stretched along the axis."""
+def _elliptical(
+    function: Callable[..., Any], power: int, of_depth: int
+) -> Callable[[Elliptical], float]:
+    """Return the function of an ellipse by that of the circle whose radius is the depth, stretched
+    along the axis.
+    """
     return lambda p: float(
-        function(np.asarray(p.neck / p.depth)) * (p.length / (2 * p.depth)) ** power / p.depth**of_depth
+        function(np.asarray(p.neck / p.depth))
+        * (p.length / (2 * p.depth)) ** power
+        / p.depth**of_depth
     )
 
 
 def _fillets(p: Leaf) -> tuple[float, float, float]:
     """Return neck, fillet radius, and `arctan(sqrt(1 + 4 r/t)) sqrt(t (4 r + t))`."""
-    t, r = p.neck, p.fillet
+    t = p.neck
+    r = p.fillet
     return t, r, math.atan(math.sqrt(1 + 4 * r / t)) * math.sqrt(t * (4 * r + t))
 
 
 def _filleted_rotation(p: Leaf) -> float:
     t, r, angle = _fillets(p)
     polynomial = t * (4 * r + t) * (6 * r**2 + 4 * r * t + t**2)
-    ends = 2 * r / ((2 * r + t) * (4 * r + t) ** 3) * (polynomial + 6 * r * (2 * r + t) ** 2 * angle)
+    ends = (
+        2 * r / ((2 * r + t) * (4 * r + t) ** 3) * (polynomial + 6 * r * (2 * r + t) ** 2 * angle)
+    )
     return 12 / t**3 * (p.length - 2 * r + ends)
 
 
@@ -62,7 +72,9 @@ def _filleted_axial(p: Leaf) -> float:
 
 
 def _parabolic(p: Parabolic) -> tuple[float, float, float, float]:
-    """Return `q = 2 depth / neck` and the integrals of `(1 + q s^2)^-n` over s = 0 to 1 for n = 1, 2, 3."""
+    """Return `q = 2 depth / neck` and the integrals of `(1 + q s^2)^-n` over s = 0 to 1 for n = 1,
+    2, 3.
+    """
     q = 2 * p.depth / p.neck
     first = math.atan(math.sqrt(q)) / math.sqrt(q)
     second = (1 / (1 + q) + first) / 2
@@ -78,8 +90,10 @@ TESTED = "; the range is where the algebra is tested, none is published"
 
 SHAPE_FORMULAS = {
     "elliptical": ShapeFormula(
-        "S. T. Smith, V. G. Badami, J. S. Dale, Y. Xu, Elliptical flexure hinges, Rev. Sci. Instrum. 68, 1474 (1997)",
-        f"cited from memory: the integrals of the circle, scaled, by the eccentric angle; shear derived here{TESTED}",
+        "S. T. Smith, V. G. Badami, J. S. Dale, Y. Xu, Elliptical flexure hinges, Rev. Sci. "
+        "Instrum. 68, 1474 (1997)",
+        "cited from memory: the integrals of the circle, scaled, by the eccentric angle; shear "
+        f"derived here{TESTED}",
         (1e-3, 2.0),
         {
             "rotation": _elliptical(chart.rotation_paros_weisbord, 1, 2),
@@ -88,8 +102,8 @@ SHAPE_FORMULAS = {
         },
     ),
     "filleted": ShapeFormula(
-        "N. Lobontiu, J. S. N. Paine, E. Garcia, M. Goldfarb, Corner-filleted flexure hinges, J. Mech. Des. 123, 346"
-        " (2001)",
+        "N. Lobontiu, J. S. N. Paine, E. Garcia, M. Goldfarb, Corner-filleted flexure hinges, J. "
+        "Mech. Des. 123, 346 (2001)",
         f"cited from memory{TESTED}",
         (1e-3, 2.0),
         {"rotation": _filleted_rotation, "axial": _filleted_axial},
@@ -105,8 +119,8 @@ SHAPE_FORMULAS = {
         },
     ),
     "parabolic": ShapeFormula(
-        "N. Lobontiu, J. S. N. Paine, E. O'Malley, M. Samuelson, Parabolic and hyperbolic flexure hinges, Precis. Eng."
-        " 26, 183 (2002)",
+        "N. Lobontiu, J. S. N. Paine, E. O'Malley, M. Samuelson, Parabolic and hyperbolic "
+        "flexure hinges, Precis. Eng. 26, 183 (2002)",
         f"not checked in the paper: its integrals, derived here{TESTED}",
         (1e-3, 2.0),
         {

@@ -1,4 +1,6 @@
-"""Strength of the hinges: stress at the necks, yield, and fatigue by Basquin's law with mean stress by Walker."""
+"""Strength of the hinges: stress at the necks, yield, and fatigue by Basquin's law with mean stress
+by Walker.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,11 @@ from flexfem.refused import BadInput, printed
 
 
 class Wrench(NamedTuple):
-    """Internal forces of the necks per displacement of the platform, (..., 3 chains, 3 hinges, 3 directions).
+    """Internal forces of the necks per displacement of the platform, (..., 3 chains, 3 hinges, 3
+    directions).
 
-    moment : about the neck's centre; `normal`, `shear` : axial and transverse force. N and N mm per mm, per rad.
-    """
+    moment : about the neck's centre; `normal`, `shear` : axial and transverse force. N and N mm per
+    mm, per rad."""
 
     moment: Array
     normal: Array
@@ -29,17 +32,19 @@ class Wrench(NamedTuple):
 
 
 def stress_raised(designs: Designs) -> Concentration:
-    """Return the largest von Mises stress at the necks of n designs over that of a straight bar, (n, 3, 3) or smaller.
+    """Return the largest von Mises stress at the necks of n designs over that of a straight bar,
+    (n, 3, 3) or smaller.
 
-    It is `concentration` times a factor for the out-of-plane stress: `von_mises_along` in plane strain, and the charted
-    factors of bending and tension at t/R, b/t and nu in a "corrected" plane. The latter hold for the highest stress
-    over the thickness, which bending and tension may have at different heights. Shear takes the factor of bending,
-    because a transverse force bends the neck off its centre.
-    """
+    It is `concentration` times a factor for the out-of-plane stress: `von_mises_along` in plane
+    strain, and the charted factors of bending and tension at t/R, b/t and nu in a "corrected"
+    plane. The latter hold for the highest stress over the thickness, which bending and tension may
+    have at different heights. Shear takes the factor of bending, because a transverse force bends
+    the neck off its centre."""
     ratio = designs.neck / designs.radius
     K = concentration(ratio)
     if designs.plane == "corrected":
-        depth_ratio, nu = designs.thickness[:, None, None] / designs.neck, designs.poissons_ratio[:, None, None]
+        depth_ratio = designs.thickness[:, None, None] / designs.neck
+        nu = designs.poissons_ratio[:, None, None]
         bending, tension = thickness_chart().at(ratio, depth_ratio, nu)[2:]
         return Concentration(K.bending * bending, K.tension * tension, K.shear * bending)
     von_mises_factor = von_mises_along(designs.out_of_plane)[:, None, None]
@@ -47,22 +52,26 @@ def stress_raised(designs: Designs) -> Concentration:
 
 
 def neck_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentration) -> Array:
-    """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges, 3 directions), MPa per mm, rad.
+    """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges, 3 directions), MPa
+    per mm, rad.
 
     neck : (..., 3, 3), mm.   thickness : (...), mm.   raised : (..., 3, 3), of `stress_raised`.
 
-    It is `|6 M K_b / (b t^2)| + |N K_t / (b t)|` at the more stressed side of the neck. Shear is neglected: it is zero
-    at that surface, and its own maximum off the neck is 1 % of the bending stress in the shipped stages.
-    """
+    It is `|6 M K_b / (b t^2)| + |N K_t / (b t)|` at the more stressed side of the neck. Shear is
+    neglected: it is zero at that surface, and its own maximum off the neck is 1 % of the bending
+    stress in the shipped stages."""
     bending, axial = surface_stress(wrench, neck, thickness, raised)
     return np.asarray(np.abs(bending) + np.abs(axial))
 
 
-def surface_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentration) -> tuple[Array, Array]:
-    """Return the signed von Mises stress of bending and of the axial force of each neck, (..., 3, 3, 3).
+def surface_stress(
+    wrench: Wrench, neck: Array, thickness: Array, raised: Concentration
+) -> tuple[Array, Array]:
+    """Return the signed von Mises stress of bending and of the axial force of each neck, (..., 3,
+    3, 3).
 
-    The stress is their sum at one side of the neck and their difference at the other; arguments as for `neck_stress`.
-    """
+    The stress is their sum at one side of the neck and their difference at the other; arguments as
+    for `neck_stress`."""
     area = thickness[..., None, None] * neck
     bending = wrench.moment * (6.0 * raised.bending / (area * neck))[..., None]
     axial = wrench.normal * (raised.tension / area)[..., None]
@@ -70,35 +79,42 @@ def surface_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concen
 
 
 def von_mises_along(out_of_plane: Array) -> Array:
-    """Return the von Mises stress over the stress along a free surface (...), for ratios (...) of `out_of_plane`."""
+    """Return the von Mises stress over the stress along a free surface (...), for ratios (...) of
+    `out_of_plane`.
+    """
     return np.asarray(np.sqrt(1.0 - out_of_plane + out_of_plane**2))
 
 
 KEY = "material.fatigue_strength_coefficient_mpa"
-RANGE = (1e3, 1e6)  # cycles, assumed without a source: plastic strain matters below, S-N curves bend above
+RANGE = (
+    1e3,
+    1e6,
+)  # cycles, assumed without a source: plastic strain matters below, S-N curves bend above
 ONE_REVERSAL = 0.5  # cycles
 SAME_STRESS = 1e-9  # difference of log10 of stresses below which they are one stress
 FEWEST_POINTS = 3  # two points have no scatter
 
 
 def fatigue_fraction(ratio: Array, sensitivity: float) -> Array:
-    """Return the fraction of the stress at a notch of t/R = `ratio` (...) that is effective in fatigue.
+    """Return the fraction of the stress at a notch of t/R = `ratio` (...) that is effective in
+    fatigue.
 
-    It is `(1 + q (K - 1)) / K` with the notch sensitivity q, 0 to 1, of R. E. Peterson as in Dowling, Mechanical
-    Behavior of Materials, Sec. 10.2, and the concentration K of bending, which causes nearly all of the stress; that of
-    tension is 4 % larger at t/R = 1/3.
-    """
+    It is `(1 + q (K - 1)) / K` with the notch sensitivity q, 0 to 1, of R. E. Peterson as in
+    Dowling, Mechanical Behavior of Materials, Sec. 10.2, and the concentration K of bending, which
+    causes nearly all of the stress; that of tension is 4 % larger at t/R = 1/3."""
     K = concentration(ratio).bending
     return np.asarray((1.0 + sensitivity * (K - 1.0)) / K)
 
 
 class Basquin(NamedTuple):
-    """Basquin's law `sigma_a = sigma'_f (2 N)^b` of unnotched specimens at zero mean stress, N in cycles.
+    """Basquin's law `sigma_a = sigma'_f (2 N)^b` of unnotched specimens at zero mean stress, N in
+    cycles.
 
-    coefficient : sigma'_f, MPa.   exponent : b, negative; both of one material, or (n,) of n designs.
+    coefficient : sigma'_f, MPa.   exponent : b, negative; both of one material, or (n,) of n
+    designs.
     walker : exponent gamma of Walker's mean-stress correction.
-    range : cycles from and to which the law was fitted.   range_stated : whether the range is stated, not assumed.
-    """
+    range : cycles from and to which the law was fitted.   range_stated : whether the range is
+    stated, not assumed."""
 
     coefficient: float | Array
     exponent: float | Array
@@ -109,7 +125,9 @@ class Basquin(NamedTuple):
     def cycles(self, amplitude: ArrayLike) -> Array:
         """Return the cycles to failure (...) at fully reversed amplitudes (...), MPa; inf at zero."""
         with np.errstate(divide="ignore", over="ignore"):
-            return np.asarray(ONE_REVERSAL * (np.asarray(amplitude) / self.coefficient) ** (1.0 / self.exponent))
+            return np.asarray(
+                ONE_REVERSAL * (np.asarray(amplitude) / self.coefficient) ** (1.0 / self.exponent)
+            )
 
     def amplitude(self, cycles: ArrayLike) -> Array:
         """Return the fully reversed amplitude (...), MPa, that fails at cycles (...)."""
@@ -117,10 +135,14 @@ class Basquin(NamedTuple):
 
 
 def checked_law(law: Basquin | BasquinFit) -> Basquin:
-    """Return the law of the argument, which is a law or a fit. Raises BadInput when it is neither, or out of range."""
+    """Return the law of the argument, which is a law or a fit. Raises BadInput when it is neither,
+    or out of range.
+    """
     basquin = law.law if isinstance(law, BasquinFit) else law
     if not isinstance(basquin, Basquin):
-        raise BadInput(f"law {printed(law)}, expected flexfem.Basquin(coefficient, exponent), MPa, or a fit")
+        raise BadInput(
+            f"law {printed(law)}, expected flexfem.Basquin(coefficient, exponent), MPa, or a fit"
+        )
     arguments.positive("law: coefficient", basquin.coefficient, 1e6)
     arguments.between("law: exponent", basquin.exponent, STEEPEST, FLATTEST)
     arguments.positive("law: walker", basquin.walker, 1.0)
@@ -129,16 +151,20 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
     except (TypeError, ValueError):
         low = high = 0.0
     if not 0 < low < high:
-        raise BadInput(f"law: range {printed(basquin.range)}, expected two numbers of cycles, the smaller first")
+        raise BadInput(
+            f"law: range {printed(basquin.range)}, expected two numbers of cycles, the smaller "
+            "first"
+        )
     return basquin
 
 
 class BasquinFit(NamedTuple):
-    """Basquin's law fitted to S-N points; confidence intervals at `confidence`, per cent, None where unbounded.
+    """Basquin's law fitted to S-N points; confidence intervals at `confidence`, per cent, None
+    where unbounded.
 
     A, B : of the same law as `sigma_a = A N^B`, MPa.   points : number of points.
-    scatter : standard deviation of log10 N about the law.   range : fewest and most cycles of the points.
-    """
+    scatter : standard deviation of log10 N about the law.   range : fewest and most cycles of the
+    points."""
 
     coefficient: float
     exponent: float
@@ -158,9 +184,15 @@ class BasquinFit(NamedTuple):
 
 
 def required_law(material: Material, alternative: str = "") -> Basquin:
-    """Return Basquin's law of a material. Raises BadInput without constants; its text ends with the `alternative`."""
+    """Return Basquin's law of a material. Raises BadInput without constants; its text ends with the
+    `alternative`.
+    """
     if material.fatigue_strength_coefficient is None or material.fatigue_strength_exponent is None:
-        known = ", ".join(name for name, metal in materials().items() if metal.fatigue_strength_exponent is not None)
+        known = ", ".join(
+            name
+            for name, metal in materials().items()
+            if metal.fatigue_strength_exponent is not None
+        )
         raise BadInput(f"{KEY} is missing: expected fatigue constants, as of {known}{alternative}")
     return Basquin(
         material.fatigue_strength_coefficient,
@@ -172,12 +204,12 @@ def required_law(material: Material, alternative: str = "") -> Basquin:
 
 
 def equivalent(amplitude: Array, mean: Array, walker: float | Array) -> Array:
-    """Return the fully reversed amplitude (...) of equal life to amplitudes and means (...), MPa; zero without tension.
+    """Return the fully reversed amplitude (...) of equal life to amplitudes and means (...), MPa;
+    zero without tension.
 
-    It is `sigma_max^(1 - gamma) sigma_a^gamma`: K. Walker, ASTM STP 462 (1970) 1; for gamma = 0.5 K. N. Smith, P.
-    Watson, T. H. Topper, J. Materials 5 (1970) 767; N. E. Dowling, C. A. Calhoun, A. Arcari, Fatigue Fract. Eng. Mater.
-    Struct. 32 (2009) 163.
-    """
+    It is `sigma_max^(1 - gamma) sigma_a^gamma`: K. Walker, ASTM STP 462 (1970) 1; for gamma = 0.5
+    K. N. Smith, P. Watson, T. H. Topper, J. Materials 5 (1970) 767; N. E. Dowling, C. A. Calhoun,
+    A. Arcari, Fatigue Fract. Eng. Mater. Struct. 32 (2009) 163."""
     highest = np.maximum(mean + amplitude, 0.0)
     return np.asarray(np.where(highest > 0.0, highest ** (1.0 - walker) * amplitude**walker, 0.0))
 
@@ -187,18 +219,20 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
 
     Parameters
     ----------
-    stress : (n,), MPa, amplitudes.   cycles : (n,), to failure.   confidence : of the intervals, per cent.
+    stress : (n,), MPa, amplitudes.   cycles : (n,), to failure.   confidence : of the intervals,
+    per cent.
 
     Raises
     ------
     BadInput
-        There are fewer than three points, a number is not positive, all stresses are equal, or life does not fall with
-        stress.
+        There are fewer than three points, a number is not positive, all stresses are equal, or life
+        does not fall with stress.
 
     Notes
     -----
-    log N is regressed on log sigma, because the test controls the stress: ASTM E739; N. E. Dowling, Mechanical Behavior
-    of Materials, Sec. 9.2. The interval of the exponent is that of the slope; that of the coefficient is Fieller's.
+    log N is regressed on log sigma, because the test controls the stress: ASTM E739; N. E. Dowling,
+    Mechanical Behavior of Materials, Sec. 9.2. The interval of the exponent is that of the slope;
+    that of the coefficient is Fieller's.
 
     Examples
     --------
@@ -207,35 +241,58 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     >>> round(found.A), round(found.B, 4), round(found.coefficient)
     (1587, -0.0945, 1695)
     """
-    x, y = np.log10(_positive("stress", stress)), np.log10(_positive("cycles", cycles))
+    x = np.log10(_positive("stress", stress))
+    y = np.log10(_positive("cycles", cycles))
     if x.shape != y.shape or x.size < FEWEST_POINTS:
-        raise BadInput(f"{x.size} stresses and {y.size} cycles, expected the same number, {FEWEST_POINTS} or more")
+        raise BadInput(
+            f"{x.size} stresses and {y.size} cycles, expected the same number, {FEWEST_POINTS} or "
+            "more"
+        )
     if np.ptp(x) < SAME_STRESS:
         raise BadInput(f"stress: all are {10 ** x[0]:g} MPa, expected two stresses or more")
     confidence = arguments.between("confidence", confidence, 50.0, 99.9)
     from scipy import stats  # takes half a second to import, and the neck stress does not need it
 
     line = stats.linregress(x, y)
-    slope, error, n = float(line.slope), float(line.stderr), x.size
+    slope = float(line.slope)
+    error = float(line.stderr)
+    n = x.size
     if not slope < 0 or not STEEPEST <= 1.0 / slope <= FLATTEST:
-        result = f"an exponent of {1.0 / slope:.3g}" if slope else "a life that does not change with stress"
-        raise BadInput(f"S-N points give {result}, expected {STEEPEST:g} to {FLATTEST:g}: life must fall with stress")
+        result = (
+            f"an exponent of {1.0 / slope:.3g}"
+            if slope
+            else "a life that does not change with stress"
+        )
+        raise BadInput(
+            f"S-N points give {result}, expected {STEEPEST:g} to {FLATTEST:g}: life must fall "
+            "with stress"
+        )
     half = float(stats.t.ppf(0.5 + confidence / 200.0, n - 2)) * error
-    coefficient, A = (float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0))
-    low, high, spread = slope - half, slope + half, float(np.sum((x - x.mean()) ** 2))
-    coefficient_interval, exponent_interval = None, None
-    if high < 0:  # Fieller's interval of the stress at one reversal; unbounded for other slopes
-        centre, a = float(np.log10(ONE_REVERSAL) - y.mean()), low * high
-        middle, half_width = x.mean() + slope * centre / a, half * np.sqrt(centre**2 + a * spread / n) / a
-        coefficient_interval = float(10.0 ** (middle - half_width)), float(10.0 ** (middle + half_width))
-        exponent_interval = 1.0 / high, 1.0 / low
-    exponent, scatter, ends = (
-        1.0 / slope,
-        error * float(np.sqrt(spread)),
-        (float(np.min(cycles)), float(np.max(cycles))),
+    coefficient, A = (
+        float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0)
     )
+    low = slope - half
+    high = slope + half
+    spread = float(np.sum((x - x.mean()) ** 2))
+    coefficient_interval = None
+    exponent_interval = None
+    if high < 0:  # Fieller's interval of the stress at one reversal; unbounded for other slopes
+        centre = float(np.log10(ONE_REVERSAL) - y.mean())
+        a = low * high
+        middle = x.mean() + slope * centre / a
+        half_width = half * np.sqrt(centre**2 + a * spread / n) / a
+        coefficient_interval = (
+            float(10.0 ** (middle - half_width)),
+            float(10.0 ** (middle + half_width)),
+        )
+        exponent_interval = 1.0 / high, 1.0 / low
+    exponent = 1.0 / slope
+    scatter = error * float(np.sqrt(spread))
+    ends = (float(np.min(cycles)), float(np.max(cycles)))
     intervals = coefficient_interval, exponent_interval
-    return BasquinFit(coefficient, exponent, A, exponent, *intervals, float(confidence), scatter, n, ends)
+    return BasquinFit(
+        coefficient, exponent, A, exponent, *intervals, float(confidence), scatter, n, ends
+    )
 
 
 def _positive(name: str, values: ArrayLike) -> Array:

@@ -1,13 +1,14 @@
-"""Compliance of a hinge as wide as the plate is thick: between plane stress and plane strain, in milliseconds.
+"""Compliance of a hinge as wide as the plate is thick: between plane stress and plane strain, in
+milliseconds.
 
-A hinge that bends about the normal of the plate is a plate of its own, as wide as the mechanism is thick, whose
-rigidity follows the height of the profile. Where it bends, it would curve the other way across its width, as plane
-stress has it; its ends at the bodies, and the change of the height, prevent this. Here the plate of Reissner and
-Mindlin is solved with Legendre polynomials across the width and finite elements of degree 4 along the axis: deflection
-w, rotations a and c of the normal along the axis and across it. The tension of the hinge is that of the membrane of the
-same height, with displacements u along the axis and v across it. The ends are rigid.
-R. D. Mindlin, J. Appl. Mech. 18 (1951) 31; the extension by polynomials across: L. V. Kantorovich.
-"""
+A hinge that bends about the normal of the plate is a plate of its own, as wide as the mechanism is
+thick, whose rigidity follows the height of the profile. Where it bends, it would curve the other
+way across its width, as plane stress has it; its ends at the bodies, and the change of the height,
+prevent this. Here the plate of Reissner and Mindlin is solved with Legendre polynomials across the
+width and finite elements of degree 4 along the axis: deflection w, rotations a and c of the normal
+along the axis and across it. The tension of the hinge is that of the membrane of the same height,
+with displacements u along the axis and v across it. The ends are rigid. R. D. Mindlin, J. Appl.
+Mech. 18 (1951) 31; the extension by polynomials across: L. V. Kantorovich."""
 
 from __future__ import annotations
 
@@ -22,20 +23,32 @@ from numpy.typing import ArrayLike
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.mechanism.profiles import SHEAR_CORRECTION, Profile
 
-ACROSS = 6  # polynomials of every field across the width; 8 change compliances by 0.05 % at b/t = 80
+ACROSS = (
+    6  # polynomials of every field across the width; 8 change compliances by 0.05 % at b/t = 80
+)
 DEGREE = 4  # of the elements along the axis
 ALONG = 16  # elements, between which the integral of height^-1.5 is divided evenly
-DENSITY = -1.5  # power of the height: between elements of equal length and of equal share in the rotation
-AT_ENDS = (0.15, 0.5)  # of the thickness, but of the outermost element at most: ends of smaller elements
+DENSITY = (
+    -1.5
+)  # power of the height: between elements of equal length and of equal share in the rotation
+AT_ENDS = (
+    0.15,
+    0.5,
+)  # of the thickness, but of the outermost element at most: ends of smaller elements
 SMALLEST = 0.1  # of the outermost element: for thinner plates the thickness has no effect
 FINE = 2048  # intervals of this division
-CONTRACTION, LONG_ENDS = 0.8, 12.0  # of thin plates, and thickness over height at which it is half of that
-HIGHEST = 100.0  # height over that of the neck that counts, against round-off: higher parts hardly bend
+CONTRACTION = 0.8
+LONG_ENDS = 12.0  # of thin plates, and thickness over height at which it is half of that
+HIGHEST = (
+    100.0  # height over that of the neck that counts, against round-off: higher parts hardly bend
+)
 MOST_BREAKS = 9  # of a profile that elements follow; a table has as many as rows
 
 
 class _Across(NamedTuple):
-    """Means (k, k) over the width of products of even and odd Legendre polynomials and of their slopes."""
+    """Means (k, k) over the width of products of even and odd Legendre polynomials and of their
+    slopes.
+    """
 
     even: Array
     even_slopes: Array
@@ -46,7 +59,8 @@ class _Across(NamedTuple):
 
 
 class _Along(NamedTuple):
-    """Quadrature along the axis: positions x and weights (e, q), mm, of e elements, and the heights there.
+    """Quadrature along the axis: positions x and weights (e, q), mm, of e elements, and the heights
+    there.
 
     values, slopes : (e, q, n), of the shape functions, slopes in 1/mm.
     """
@@ -59,9 +73,11 @@ class _Along(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """A part of twice the energy: `coefficient` (e, q) times one field or its slope times another one or its slope.
+    """A part of twice the energy: `coefficient` (e, q) times one field or its slope times another
+    one or its slope.
 
-    rows, columns : (k,), numbers of the fields.   left, right : (e, q, n), `_Along.values` or `slopes`.
+    rows, columns : (k,), numbers of the fields.   left, right : (e, q, n), `_Along.values` or
+    `slopes`.
     across : (k, k), means of the products of the polynomials.
     """
 
@@ -74,8 +90,11 @@ class _Term(NamedTuple):
 
 
 @lru_cache(4096)
-def wide_factors(profile: Profile, poissons_ratio: float, thickness: float) -> tuple[float, float, float]:
-    """Return the ratios of the axial, transverse and rotational compliance to those in plane stress, at the centre.
+def wide_factors(
+    profile: Profile, poissons_ratio: float, thickness: float
+) -> tuple[float, float, float]:
+    """Return the ratios of the axial, transverse and rotational compliance to those in plane
+    stress, at the centre.
 
     poissons_ratio : of the material.   thickness : of the plate, mm.
 
@@ -83,9 +102,8 @@ def wide_factors(profile: Profile, poissons_ratio: float, thickness: float) -> t
 
     Notes
     -----
-    Both are solved on the same elements, plane stress with a beam. Against finite elements of single hinges in three
-    dimensions: see "The analytic model" in docs/three-dimensions.md.
-    """
+    Both are solved on the same elements, plane stress with a beam. Against finite elements of
+    single hinges in three dimensions: see "The analytic model" in docs/three-dimensions.md."""
     along = _along(profile, thickness)
     shear = 1 / (SHEAR_CORRECTION * 2 * (1 + poissons_ratio))
     ratios = list[float]()
@@ -99,9 +117,11 @@ def wide_factors(profile: Profile, poissons_ratio: float, thickness: float) -> t
 
 
 def contraction(ratio: ArrayLike) -> Array:
-    """Return the share (...) by which ends contract along z, from none for rigid ones to one for free ones.
+    """Return the share (...) by which ends contract along z, from none for rigid ones to one for
+    free ones.
 
-    ratio : (...), thickness of the plate over the height of the ends, where the hinge meets its bodies.
+    ratio : (...), thickness of the plate over the height of the ends, where the hinge meets its
+    bodies.
 
     Notes
     -----
@@ -138,10 +158,14 @@ def _along(profile: Profile, thickness: float) -> _Along:
 
 @cache
 def _element() -> tuple[AnyArray, AnyArray, Array, Array]:
-    """Points and weights (q,), and values and slopes (q, n) of the shape functions through the points of Lobatto."""
+    """Points and weights (q,), and values and slopes (q, n) of the shape functions through the
+    points of Lobatto.
+    """
     highest = np.zeros(DEGREE + 1)
     highest[DEGREE] = 1.0
-    nodes = np.concatenate([[-1.0], np.sort(legendre.legroots(legendre.legder(highest)).real), [1.0]])
+    nodes = np.concatenate(
+        [[-1.0], np.sort(legendre.legroots(legendre.legder(highest)).real), [1.0]]
+    )
     points, weights = legendre.leggauss(DEGREE + 1)
     coefficients = np.linalg.inv(legendre.legvander(nodes, DEGREE))
     values = legendre.legval(points, coefficients).T
@@ -151,12 +175,17 @@ def _element() -> tuple[AnyArray, AnyArray, Array, Array]:
 
 @cache
 def _across(count: int) -> _Across:
-    """Return the means of products of the first `count` even and odd polynomials, on a width from -1 to 1."""
+    """Return the means of products of the first `count` even and odd polynomials, on a width from
+    -1 to 1.
+    """
     points, weights = legendre.leggauss(2 * count + 2)
     polynomials = np.eye(2 * count)
     values = legendre.legval(points, polynomials)
     slopes = legendre.legval(points, legendre.legder(polynomials))
-    even, odd, even_slopes, odd_slopes = values[0::2], values[1::2], slopes[0::2], slopes[1::2]
+    even = values[0::2]
+    odd = values[1::2]
+    even_slopes = slopes[0::2]
+    odd_slopes = slopes[1::2]
     weights = weights / 2
     return _Across(
         even * weights @ even.T,
@@ -171,9 +200,13 @@ def _across(count: int) -> _Across:
 def _in_plane_terms(
     along: _Along, rigidity: Array, ratio: float, thickness: float, first: Index, second: Index
 ) -> list[_Term]:
-    """Terms of the stretching or bending of a plate, by fields along its axis (`first`, even) and across it (odd)."""
-    means, scale = _across(len(first)), 2 / thickness
-    N, D = along.values, along.slopes
+    """Terms of the stretching or bending of a plate, by fields along its axis (`first`, even) and
+    across it (odd).
+    """
+    means = _across(len(first))
+    scale = 2 / thickness
+    N = along.values
+    D = along.slopes
     twisting = (1 - ratio) / 2 * rigidity
     return [
         _Term(first, first, rigidity, D, D, means.even),
@@ -187,22 +220,28 @@ def _in_plane_terms(
 
 def _membrane(along: _Along, ratio: float, shear: float, thickness: float, count: int) -> Array:
     """Return the axial compliance (1, 1) times Young's modulus and thickness."""
-    u, v = np.arange(count), count + np.arange(count)
+    u = np.arange(count)
+    v = count + np.arange(count)
     terms = _in_plane_terms(along, along.height / (1 - ratio**2), ratio, thickness, u, v)
     return _compliance(along, terms, 2 * count, np.eye(1))
 
 
 def _plate(along: _Along, ratio: float, shear: float, thickness: float, count: int) -> Array:
-    """Return the compliance (2, 2), transverse at the centre and rotational, times Young's modulus and thickness.
+    """Return the compliance (2, 2), transverse at the centre and rotational, times Young's modulus
+    and thickness.
 
     shear : modulus of transverse shear over Young's modulus.
     """
-    means, scale = _across(count), 2 / thickness
+    means = _across(count)
+    scale = 2 / thickness
     later = np.arange(1, count)
-    w, a = np.append(0, 1 + later), np.append(1, count + later)  # those of the mean motion are first
+    w = np.append(0, 1 + later)
+    a = np.append(1, count + later)  # those of the mean motion are first
     c = 2 * count + np.arange(count)
-    N, D = along.values, along.slopes
-    rigidity, sheared = along.height**3 / (12 * (1 - ratio**2)), shear * along.height
+    N = along.values
+    D = along.slopes
+    rigidity = along.height**3 / (12 * (1 - ratio**2))
+    sheared = shear * along.height
     terms = [
         *_in_plane_terms(along, rigidity, ratio, thickness, a, c),
         _Term(w, w, sheared, D, D, means.even),
@@ -217,13 +256,15 @@ def _plate(along: _Along, ratio: float, shear: float, thickness: float, count: i
 
 
 def _compliance(along: _Along, terms: Sequence[_Term], fields: int, loads: Array) -> Array:
-    """Return the compliance (d, d) for loads (d, d) on the first d fields at the far end; all others are held there.
+    """Return the compliance (d, d) for loads (d, d) on the first d fields at the far end; all
+    others are held there.
 
     The near end is held. The matrix is banded, and kept by the diagonals below the main one.
     """
     from scipy.linalg import solveh_banded  # takes a tenth of a second to import
 
-    count, nodes = along.x.shape[0], along.values.shape[2]
+    count = along.x.shape[0]
+    nodes = along.values.shape[2]
     blocks = np.zeros((count, nodes, fields, nodes, fields))
     for term in terms:
         weighted = (along.weights * term.coefficient)[:, :, None] * term.left

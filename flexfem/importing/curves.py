@@ -1,4 +1,6 @@
-"""Curves of a file as lines and arcs: circles exactly, other curves within a small deviation; complex points, mm."""
+"""Curves of a file as lines and arcs: circles exactly, other curves within a small deviation;
+complex points, mm.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,8 @@ class Approximation(NamedTuple):
 class Contents(NamedTuple):
     """What a file holds, in mm.
 
-    points : points on named layers.   thickness : of a solid.   solids : names of the solids, the largest first.
+    points : points on named layers.   thickness : of a solid.   solids : names of the solids, the
+    largest first.
     unit : sentence about the unit of the file, "" when the file or the caller states it.
     left_out : number of entities by what they are.   deviation : largest of all curves.
     """
@@ -62,16 +65,22 @@ class Contents(NamedTuple):
 
 
 def arc(centre: complex, start: complex, turn: float) -> list[Segment]:
-    """Circular arc from `start`, counter-clockwise for a positive `turn`, rad, in parts of less than half a turn."""
+    """Circular arc from `start`, counter-clockwise for a positive `turn`, rad, in parts of less
+    than half a turn.
+    """
     parts = max(1, math.ceil(abs(turn) / LONGEST_ARC - 1e-9))
-    points = [centre + (start - centre) * cmath.exp(1j * turn * k / parts) for k in range(parts + 1)]
+    points = [
+        centre + (start - centre) * cmath.exp(1j * turn * k / parts) for k in range(parts + 1)
+    ]
     if abs(turn) > 2 * math.pi - 1e-9:
         points[-1] = start
     return [Segment(a, b, centre) for a, b in pairwise(points)]
 
 
 def with_ends(segment: Segment, start: complex, end: complex) -> Segment:
-    """Return the line or arc between moved ends; the centre of the arc moves to the nearest point between them."""
+    """Return the line or arc between moved ends; the centre of the arc moves to the nearest point
+    between them.
+    """
     if segment.centre is None or abs(end - start) < SHORTEST:
         return Segment(start, end)
     ahead = (end - start) / abs(end - start)
@@ -80,8 +89,12 @@ def with_ends(segment: Segment, start: complex, end: complex) -> Segment:
     return Segment(start, end, middle + 1j * ahead * aside)
 
 
-def ellipse(centre: complex, major: complex, minor: complex, first: float, turn: float) -> Approximation:
-    """Arc of an ellipse with two conjugate half diameters, from the parameter `first` over `turn`, rad."""
+def ellipse(
+    centre: complex, major: complex, minor: complex, first: float, turn: float
+) -> Approximation:
+    """Arc of an ellipse with two conjugate half diameters, from the parameter `first` over `turn`,
+    rad.
+    """
     pieces = max(2, math.ceil(abs(turn) / (math.pi / 8)))
 
     def at(share: Array) -> AnyArray:
@@ -94,9 +107,9 @@ def ellipse(centre: complex, major: complex, minor: complex, first: float, turn:
 def bezier(points: Sequence[complex]) -> Approximation:
     """Bezier curve of degree 2 or 3; one that programs draw for a circular arc becomes this arc.
 
-    The largest distance of the cubic that touches an arc of `turn` at its ends and middle from this arc is
-    4/27 sin(turn/4)^6 / cos(turn/4)^2 of the radius (M. Goldapp, Comput. Aided Geom. Des. 8 (1991) 227).
-    """
+    The largest distance of the cubic that touches an arc of `turn` at its ends and middle from this
+    arc is 4/27 sin(turn/4)^6 / cos(turn/4)^2 of the radius (M. Goldapp, Comput. Aided Geom. Des. 8
+    (1991) 227)."""
     weights = [math.comb(len(points) - 1, k) for k in range(len(points))]
 
     def at(share: Array) -> AnyArray:
@@ -122,7 +135,8 @@ def approximated(at: Points, breaks: AnyArray, of_circle: bool = False) -> Appro
     whole = _circular(at, of_circle)
     if whole is not None:
         return whole
-    low, high = breaks[:-1], breaks[1:]
+    low = breaks[:-1]
+    high = breaks[1:]
     kept = list[tuple[float, Segment]]()
     deviation = 0.0
     while len(low):
@@ -134,23 +148,31 @@ def approximated(at: Points, breaks: AnyArray, of_circle: bool = False) -> Appro
         centres, errors = _arcs_through(points)
         good = (errors <= CURVE_ERROR) | (high - low < 1e-7)
         for k in np.flatnonzero(good):
-            start, end = complex(points[k, 0]), complex(points[k, -1])
+            start = complex(points[k, 0])
+            end = complex(points[k, -1])
             centre = None if np.isnan(centres[k]) else complex(centres[k])
             kept.append((float(low[k]), Segment(start, end, centre)))
         deviation = max(deviation, float(np.max(errors[good], initial=0.0)))
         middle = (low + high)[~good] / 2
-        low, high = np.concatenate([low[~good], middle]), np.concatenate([middle, high[~good]])
+        low = np.concatenate([low[~good], middle])
+        high = np.concatenate([middle, high[~good]])
     kept.sort(key=lambda piece: piece[0])
     return Approximation([segment for _, segment in kept], deviation)
 
 
 def _arcs_through(points: AnyArray) -> tuple[AnyArray, Array]:
-    """Centres (n,) of circles through first, middle and last of points (n, 9), nan of lines, and distances (n,)."""
-    a, u, v = points[:, 0], points[:, 4] - points[:, 0], points[:, -1] - points[:, 0]
+    """Centres (n,) of circles through first, middle and last of points (n, 9), nan of lines, and
+    distances (n,).
+    """
+    a = points[:, 0]
+    u = points[:, 4] - points[:, 0]
+    v = points[:, -1] - points[:, 0]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         turn = (np.conj(u) * v).imag
         centres = a + 0.5j * (u * np.abs(v) ** 2 - v * np.abs(u) ** 2) / turn
-        from_chord = np.max(np.abs(((points - a[:, None]) / v[:, None]).imag * np.abs(v)[:, None]), axis=1)
+        from_chord = np.max(
+            np.abs(((points - a[:, None]) / v[:, None]).imag * np.abs(v)[:, None]), axis=1
+        )
         spokes = points - centres[:, None]
         from_arc = np.max(np.abs(np.abs(spokes) - np.abs(spokes[:, :1])), axis=1)
         steps = np.angle(spokes[:, 1:] / spokes[:, :-1])
@@ -160,7 +182,9 @@ def _arcs_through(points: AnyArray) -> tuple[AnyArray, Array]:
     straight = (from_chord < STRAIGHT) | ~np.isfinite(centres) | short
     errors = np.where(straight, from_chord, from_arc)
     errors[~straight & (~one_way | too_long)] = np.inf
-    errors[np.isnan(errors) | short] = np.max(np.abs(points - a[:, None]), axis=1)[np.isnan(errors) | short]
+    errors[np.isnan(errors) | short] = np.max(np.abs(points - a[:, None]), axis=1)[
+        np.isnan(errors) | short
+    ]
     centres[straight] = complex(np.nan, np.nan)
     return centres, errors
 

@@ -1,4 +1,6 @@
-"""How far two plates depart from each other: area that only one of them has, and distance of their edges."""
+"""How far two plates depart from each other: area that only one of them has, and distance of their
+edges.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ SEAM = 1e-5  # mm, half the width of a strip that joins a hinge and its body
 
 
 class Departure(NamedTuple):
-    """Area of which only one of two plates consists, per area of the first; largest distance of edges, mm, its place.
+    """Area of which only one of two plates consists, per area of the first; largest distance of
+    edges, mm, its place.
 
     inside : whether the second plate lacks material there.
     """
@@ -43,7 +46,10 @@ def departure(one: Any, other: Any) -> Departure:
     missing = shapely.difference(one, other)
     extra = shapely.difference(other, one)
     point = shapely.Point(place.real, place.imag)
-    gaps = [math.inf if each.is_empty else float(shapely.distance(each, point)) for each in (missing, extra)]
+    gaps = [
+        math.inf if each.is_empty else float(shapely.distance(each, point))
+        for each in (missing, extra)
+    ]
     return Departure(area, largest, place, gaps[0] < gaps[1])
 
 
@@ -86,7 +92,9 @@ def fine_polygon(layout: Layout) -> Any:
 
 
 def _seam(joint: Joint, side: int) -> Any:
-    """Return a thin strip over the end of a hinge, which closes gaps of round-off between it and its body."""
+    """Return a thin strip over the end of a hinge, which closes gaps of round-off between it and
+    its body.
+    """
     upper, lower = end_corners(joint, side)
     ahead = SEAM * cmath.exp(1j * joint.heading)
     corners = np.array([upper - ahead, lower - ahead, lower + ahead, upper + ahead])
@@ -107,12 +115,17 @@ def curve_points(curve: Curve) -> AnyArray:
     if isinstance(curve, Ellipse):
         axis, minor = _half_axes(curve)
         angles = [
-            math.atan2(((z - curve.centre) / axis).imag * abs(axis) / minor, ((z - curve.centre) / axis).real)
+            math.atan2(
+                ((z - curve.centre) / axis).imag * abs(axis) / minor,
+                ((z - curve.centre) / axis).real,
+            )
             for z in (curve.start, curve.end)
         ]
         turn = (angles[1] - angles[0] + math.pi) % (2 * math.pi) - math.pi
         t = angles[0] + np.linspace(0, 1, _count(abs(axis) ** 2 / minor, turn)) * turn
-        return np.asarray(curve.centre + axis * np.cos(t) + 1j * axis / abs(axis) * minor * np.sin(t))
+        return np.asarray(
+            curve.centre + axis * np.cos(t) + 1j * axis / abs(axis) * minor * np.sin(t)
+        )
     return _bezier(curve)
 
 

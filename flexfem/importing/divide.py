@@ -1,4 +1,6 @@
-"""A plate divided at its hinges: the edges of its bodies follow the drawing, and cross the metal at ends of hinges."""
+"""A plate divided at its hinges: the edges of its bodies follow the drawing, and cross the metal at
+ends of hinges.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,14 @@ NOTHING = -1  # in place of a body, at a hinge that ends at another one
 APART = 1e-6  # between two positions, above which two hinges overlap
 SAME = 1e-9  # between two positions
 TOUCHING = 2e-3  # mm, of the corner of a hinge from the drawn edge
-NEAR, FAR = 0, 1  # ends of a hinge at its first and its second body
+NEAR = 0
+FAR = 1  # ends of a hinge at its first and its second body
 
 
 class Stretch(NamedTuple):
-    """A part of a loop between two positions, which are indices of segments plus shares of their lengths."""
+    """A part of a loop between two positions, which are indices of segments plus shares of their
+    lengths.
+    """
 
     loop: int
     start: float
@@ -46,7 +51,9 @@ class Cut(NamedTuple):
 
 
 class Edges:
-    """The closed loops of a plate, with the metal to their left, and the distances of points from them."""
+    """The closed loops of a plate, with the metal to their left, and the distances of points from
+    them.
+    """
 
     def __init__(self, loops: Sequence[Sequence[Segment]]) -> None:
         self.loops = loops
@@ -59,26 +66,32 @@ class Edges:
         share = np.clip(((z - start) / (end - start)).real, 0.0, 1.0)
         distance = np.abs(z - start - share * (end - start))
         chords = np.abs(end - start)
-        near = np.flatnonzero(distance <= distance.min() + np.where(self._arcs[loop], chords, TOUCHING))
-        best, at = np.inf, 0.0
+        near = np.flatnonzero(
+            distance <= distance.min() + np.where(self._arcs[loop], chords, TOUCHING)
+        )
+        best = np.inf
+        at = 0.0
         for index in near.tolist():
             segment = self.loops[loop][index]
             share_there = min(max(float(segment.shares(np.asarray(z))), 0.0), 1.0)
             away = abs(complex(segment.at(share_there)) - z)
             if away < best:
-                best, at = away, index + share_there
+                best = away
+                at = index + share_there
         return at % len(self.loops[loop]), best
 
     def stretch(self, loop: int, start: float, end: float) -> list[Segment]:
         """Return the segments of a loop between two positions, in its sense."""
-        segments, count = self.loops[loop], len(self.loops[loop])
+        segments = self.loops[loop]
+        count = len(self.loops[loop])
         if abs(end - start) < SAME:
             return []
         last = end if end > start else end + count
         found = list[Segment]()
         index = int(start)
         while index < last:
-            low, high = max(start - index, 0.0), min(last - index, 1.0)
+            low = max(start - index, 0.0)
+            high = min(last - index, 1.0)
             piece = part(segments[index % count], low, high)
             if high > low and piece.length > SHORTEST:
                 found.append(piece)
@@ -90,13 +103,21 @@ def cut_of(edges: Edges, neck: Neck, fit: Fit) -> Cut | None:
     """Return the hinge with the parts of the edge that it takes, None where they do not enclose it."""
     first, second, third, fourth = map(fit.frame.out, corners_of(fit.profile))
     corners = (first, second, third, fourth)
-    on = [edges.position(place.loop, z) for place, z in zip((neck.right,) * 2 + (neck.left,) * 2, corners, strict=True)]
+    on = [
+        edges.position(place.loop, z)
+        for place, z in zip((neck.right,) * 2 + (neck.left,) * 2, corners, strict=True)
+    ]
     if max(distance for _, distance in on) > TOUCHING:
         return None
     positions = [position for position, _ in on]
     right = Stretch(neck.right.loop, positions[0], positions[1])
     left = Stretch(neck.left.loop, positions[2], positions[3])
-    drawn = [*edges.stretch(*right), Segment(second, third), *edges.stretch(*left), Segment(fourth, first)]
+    drawn = [
+        *edges.stretch(*right),
+        Segment(second, third),
+        *edges.stretch(*left),
+        Segment(fourth, first),
+    ]
     x, weights = fit.profile.quadrature
     most = ALLOWED * 2 * fit.profile.length
     if abs(area(drawn) - float(weights @ fit.profile.height(x))) > most:
@@ -105,7 +126,8 @@ def cut_of(edges: Edges, neck: Neck, fit: Fit) -> Cut | None:
 
 
 def _contains(stretch: Stretch, position: float) -> bool:
-    first, last = stretch.start + APART, stretch.end - APART
+    first = stretch.start + APART
+    last = stretch.end - APART
     if stretch.start <= stretch.end:
         return first < position < last
     return position > first or position < last
@@ -162,7 +184,9 @@ def divided(edges: Edges, cuts: Sequence[Cut]) -> Divided:
     return Divided(bodies, between)
 
 
-def _traced(edges: Edges, cuts: Sequence[Cut]) -> tuple[list[list[Segment]], dict[tuple[int, int], int]]:
+def _traced(
+    edges: Edges, cuts: Sequence[Cut]
+) -> tuple[list[list[Segment]], dict[tuple[int, int], int]]:
     """Return the loops around bodies that hinges cut, and the loop at each end of every hinge."""
     starts: dict[int, list[tuple[float, int, int]]] = {}
     for k, cut in enumerate(cuts):
@@ -170,18 +194,24 @@ def _traced(edges: Edges, cuts: Sequence[Cut]) -> tuple[list[list[Segment]], dic
         starts.setdefault(cut.left.loop, []).append((cut.left.start, k, FAR))
     for events in starts.values():
         events.sort()
-    loops, at_ends = list[list[Segment]](), dict[tuple[int, int], int]()
+    loops = list[list[Segment]]()
+    at_ends = dict[tuple[int, int], int]()
     for first in ((k, end) for k in range(len(cuts)) for end in (NEAR, FAR)):
-        path, (k, end) = list[Segment](), first
+        path = list[Segment]()
+        k, end = first
         while (k, end) not in at_ends:
             at_ends[k, end] = len(loops)
             cut = cuts[k]
             leaving = cut.left if end == NEAR else cut.right
             corner = cut.corners[3] if end == NEAR else cut.corners[1]
             events = starts[leaving.loop]
-            stop, k, end = next((each for each in events if each[0] >= leaving.end - SAME), events[0])
+            stop, k, end = next(
+                (each for each in events if each[0] >= leaving.end - SAME), events[0]
+            )
             arrival, across = (
-                (cuts[k].corners[0], cuts[k].corners[3]) if end == NEAR else (cuts[k].corners[2], cuts[k].corners[1])
+                (cuts[k].corners[0], cuts[k].corners[3])
+                if end == NEAR
+                else (cuts[k].corners[2], cuts[k].corners[1])
             )
             path += _from_to(edges.stretch(leaving.loop, leaving.end, stop), corner, arrival)
             path.append(Segment(arrival, across))

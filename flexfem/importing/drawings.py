@@ -1,4 +1,6 @@
-"""Drawings as input: a mechanism from a DXF, STEP or SVG file, its file, and what was recognised in it."""
+"""Drawings as input: a mechanism from a DXF, STEP or SVG file, its file, and what was recognised in
+it.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ LARGEST_THICKNESS = 1e4  # mm
 LARGEST_KERF = 10.0  # mm
 OFF = 1e-3  # mm, of an edge of the written file from the drawing
 OFF_AREA = 1e-6  # the same of the area, per area of the plate
-OFF_MEAN = 1e-4  # mm, mean distance along the edge: curves that arcs stand for are drawn with this tolerance
+# mm, mean distance along the edge: curves that arcs stand for are drawn with this tolerance
+OFF_MEAN = 1e-4
 STATED = "stated with the import"
 
 
@@ -52,15 +55,18 @@ class Reading(NamedTuple):
     tolerance : float, optional
         Of a drawing: gap, mm, up to which open ends are joined.
     ground : list of str, optional
-        Of a drawing: point X,Y of a body that is fixed, or on an edge that is clamped, mm; may be repeated. By default
-        what a layer such as GROUND marks, else the body around all others, with the most round holes, or the largest.
+        Of a drawing: point X,Y of a body that is fixed, or on an edge that is clamped, mm; may be
+        repeated. By default what a layer such as GROUND marks, else the body around all others,
+        with the most round holes, or the largest.
     output_at : str, optional
-        Of a drawing: point X,Y of the output, mm; or a point of its body and the point at which its pose is read,
-        X,Y:X,Y. By default the centre of the body with the most hinges between it and the ground.
+        Of a drawing: point X,Y of the output, mm; or a point of its body and the point at which its
+        pose is read, X,Y:X,Y. By default the centre of the body with the most hinges between it and
+        the ground.
     clamp_holes : bool
         Of a drawing: bodies with round holes, for screws, are fixed.
     actuator : list of str, optional
-        Of a drawing: an actuator between two points, X,Y:X,Y, perhaps with a stack, X,Y:X,Y,AE0505D16; may be repeated.
+        Of a drawing: an actuator between two points, X,Y:X,Y, perhaps with a stack,
+        X,Y:X,Y,AE0505D16; may be repeated.
     """
 
     thickness: float | None = None
@@ -91,7 +97,9 @@ class Reading(NamedTuple):
     def wishes(self) -> Wishes:
         """Stated parts. Raises BadInput for a text that is no point."""
         body, colon, pose = (
-            self.output_at.partition(":") if isinstance(self.output_at, str) else (self.output_at, "", "")
+            self.output_at.partition(":")
+            if isinstance(self.output_at, str)
+            else (self.output_at, "", "")
         )
         output = None if body is None else point_of("output", body)
         return Wishes(
@@ -116,7 +124,9 @@ class ImportedBody(NamedTuple):
 
 
 class ImportedHinge(NamedTuple):
-    """A hinge that was found in a drawing; `other` dimensions than length and neck; `off_um`: of its fitted edge."""
+    """A hinge that was found in a drawing; `other` dimensions than length and neck; `off_um`: of
+    its fitted edge.
+    """
 
     hinge: str
     between: str
@@ -130,7 +140,8 @@ class ImportedHinge(NamedTuple):
 class ImportReport(NamedTuple):
     """What was recognised in a drawing, and how far the mechanism file is off it.
 
-    ground, output : of which body, and why.   edge_off_um, edge_off_at_mm : largest distance of an edge, and its place.
+    ground, output : of which body, and why.   edge_off_um, edge_off_at_mm : largest distance of an
+    edge, and its place.
     area_off : area of which only the drawing or only the file consists, per area of the plate.
     """
 
@@ -172,14 +183,15 @@ class ImportedPlate(NamedTuple):
         if self.off.largest > OFF or self.off.area > OFF_AREA + OFF_MEAN * length / plate:
             at = f"({self.off.place.real:.6g}, {self.off.place.imag:.6g}) mm"
             texts.append(
-                f"the mechanism is off the drawing by up to {1e3 * self.off.largest:.3g} um at {at}; "
-                f"{self.off.area:.2g} of the area differs"
+                f"the mechanism is off the drawing by up to {1e3 * self.off.largest:.3g} um at "
+                f"{at}; {self.off.area:.2g} of the area differs"
             )
         if self.slender:
             place = self.slender[0].representative_point()
             texts.append(
-                f"{len(self.slender)} thin parts are no hinges, such as that at ({place.x:.4g}, {place.y:.4g}) mm: "
-                "finite elements compute them as drawn, and the analytic model takes them as rigid"
+                f"{len(self.slender)} thin parts are no hinges, such as that at ({place.x:.4g}, "
+                f"{place.y:.4g}) mm: finite elements compute them as drawn, and the analytic "
+                "model takes them as rigid"
             )
         return texts
 
@@ -189,12 +201,16 @@ class ImportedPlate(NamedTuple):
         ground = [body_shape(self.found.bodies[k]) for k in self.roles.fixed]
         dots = [polygon.representative_point() for polygon in self.found.slender]
         inside = [any(body.contains(dot) for body in ground) for dot in dots]
-        return [polygon for polygon, fixed in zip(self.found.slender, inside, strict=True) if not fixed]
+        return [
+            polygon for polygon, fixed in zip(self.found.slender, inside, strict=True) if not fixed
+        ]
 
     @property
     def summary(self) -> str:
         """What was recognised, in one line."""
-        names, roles, found = self.written.names, self.roles, self.found
+        names = self.written.names
+        roles = self.roles
+        found = self.found
         ground = ", ".join(names.bodies[k] for k in (*roles.fixed, *roles.clamped))
         return (
             f"{found.drawing.path}: {len(found.bodies)} bodies, {len(found.hinges)} hinges; "
@@ -247,10 +263,15 @@ def require_no_reading(source: Path, reading: Reading) -> None:
     for name, value in reading._asdict().items():
         if value:
             option = name.replace("_", "-")
-            raise BadInput(f"{place_of(source)}: {option} is for a drawing, expected no such option with this file")
+            raise BadInput(
+                f"{place_of(source)}: {option} is for a drawing, expected no such option with "
+                "this file"
+            )
 
 
-def import_drawing(drawing: Path, output: Path | None = None, *, reading: Reading = NO_READING) -> ImportReport:
+def import_drawing(
+    drawing: Path, output: Path | None = None, *, reading: Reading = NO_READING
+) -> ImportReport:
     """Recognise bodies and hinges in a drawing, and write them as a mechanism file.
 
     Parameters
@@ -265,7 +286,8 @@ def import_drawing(drawing: Path, output: Path | None = None, *, reading: Readin
     Raises
     ------
     BadInput
-        The drawing cannot be read, thickness or material are not known, or the file cannot be written.
+        The drawing cannot be read, thickness or material are not known, or the file cannot be
+        written.
     """
     source = checked_path(drawing)
     if not is_drawing(source):
@@ -273,7 +295,9 @@ def import_drawing(drawing: Path, output: Path | None = None, *, reading: Readin
     target = None if output is None else checked_path(output)
     if target is not None:
         if target.suffix != ".toml":
-            raise BadInput(f"{place_of(target)}: expected a file name that ends in .toml, such as mine.toml")
+            raise BadInput(
+                f"{place_of(target)}: expected a file name that ends in .toml, such as mine.toml"
+            )
         require_plain_stem(target)
         check_file(target, source)
     plate = imported(source, reading, None if target is None else target.stem)
@@ -283,8 +307,11 @@ def import_drawing(drawing: Path, output: Path | None = None, *, reading: Readin
     return report_of(plate, target)
 
 
-def imported(source: Path, reading: Reading, name: str | None = None, wishes: Wishes | None = None) -> ImportedPlate:
-    """Read a drawing, recognise its parts, and make the mechanism. Raises BadInput as `import_drawing`.
+def imported(
+    source: Path, reading: Reading, name: str | None = None, wishes: Wishes | None = None
+) -> ImportedPlate:
+    """Read a drawing, recognise its parts, and make the mechanism. Raises BadInput as
+    `import_drawing`.
 
     wishes : stated parts, by default those of the reading.
     """
@@ -310,9 +337,15 @@ def heading_of(source: Path, reading: Reading, drawn: float | None, name: str | 
     """
     place = place_of(source)
     if reading.thickness is None and drawn is None and source.suffix.lower() in (".dxf", ".svg"):
-        raise BadInput(f"{place}: a drawing without a thickness, expected --thickness, such as --thickness 10mm")
+        raise BadInput(
+            f"{place}: a drawing without a thickness, expected --thickness, such as --thickness "
+            "10mm"
+        )
     if reading.material is None:
-        raise BadInput(f"{place}: a drawing without a material, expected --material, such as --material al-7075-t6")
+        raise BadInput(
+            f"{place}: a drawing without a material, expected --material, such as --material "
+            "al-7075-t6"
+        )
     if reading.material not in materials():
         near = nearest(str(reading.material), materials())
         raise BadInput(f"material {shown(reading.material)}, expected a registered material{near}")
@@ -320,11 +353,15 @@ def heading_of(source: Path, reading: Reading, drawn: float | None, name: str | 
     source_of = STATED if reading.thickness is not None else f"read from {source.name}"
     if thickness is not None:
         thickness = arguments.between("thickness", float(thickness), 1e-4, LARGEST_THICKNESS, " mm")
-    return Heading(name or source.stem, thickness or 0.0, reading.material, {"thickness_mm": source_of})
+    return Heading(
+        name or source.stem, thickness or 0.0, reading.material, {"thickness_mm": source_of}
+    )
 
 
 def assembled(found: FoundPlate, wishes: Wishes, heading: Heading) -> ImportedPlate:
-    """Return the mechanism of a found plate, and how far it is off the drawing. Raises BadInput as `import_drawing`."""
+    """Return the mechanism of a found plate, and how far it is off the drawing. Raises BadInput as
+    `import_drawing`.
+    """
     path = found.drawing.path
     roles = roles_of(found, wishes)
     made = written(found, roles, heading)
@@ -337,7 +374,9 @@ def assembled(found: FoundPlate, wishes: Wishes, heading: Heading) -> ImportedPl
 
 def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
     """Return what was recognised; target : written file, None without one."""
-    found, roles, names = plate.found, plate.roles, plate.written.names
+    found = plate.found
+    roles = plate.roles
+    names = plate.written.names
     bodies = list[ImportedBody]()
     for k, body in enumerate(found.bodies):
         held = "fixed" if k in roles.fixed else "clamped" if k in roles.clamped else ""
@@ -348,7 +387,9 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
         hinge = found.hinges[k]
         between = " - ".join(names.bodies[body] for body in joint.bodies)
         other = ", ".join(
-            f"{key} {value:.6g}" for key, value in hinge.dimensions.items() if key not in ("length", "neck")
+            f"{key} {value:.6g}"
+            for key, value in hinge.dimensions.items()
+            if key not in ("length", "neck")
         )
         profile = joint.profile
         table.append(
@@ -363,7 +404,8 @@ def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
             )
         )
     grounds = [names.bodies[k] for k in (*roles.fixed, *roles.clamped)]
-    mechanism, off = plate.mechanism, plate.off
+    mechanism = plate.mechanism
+    off = plate.off
     doubts = Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
     shown_by = ("view", "summary") if target is not None else ()
     return ImportReport(

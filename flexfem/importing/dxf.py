@@ -49,7 +49,19 @@ NOT_DRAWN = {  # what an entity is called, in the plural
     "IMAGE": "images",
 }
 DASHED = re.compile(r"hidden|cent(er|re)|dash|phantom|dot|divide|iso0[2-9]|iso1\d", re.IGNORECASE)
-INSUNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 8: "uin", 9: "mil", 10: "yd", 12: "nm", 13: "um", 14: "dm"}
+INSUNITS = {
+    1: "in",
+    2: "ft",
+    4: "mm",
+    5: "cm",
+    6: "m",
+    8: "uin",
+    9: "mil",
+    10: "yd",
+    12: "nm",
+    13: "um",
+    14: "dm",
+}
 
 logging.getLogger("ezdxf").setLevel(logging.CRITICAL)  # what it repairs is in its audit
 
@@ -65,7 +77,8 @@ class _Place(NamedTuple):
 def read_dxf(data: bytes, path: Path, unit: DrawingUnit | None) -> Contents:
     """Read the curves of the model space.
 
-    Dimensions, texts, hatches, hidden and centre lines and layers that are off are left out and counted.
+    Dimensions, texts, hatches, hidden and centre lines and layers that are off are left out and
+    counted.
 
     Raises BadInput for a file that is no complete DXF file, or has too many entities.
     """
@@ -83,7 +96,9 @@ def read_dxf(data: bytes, path: Path, unit: DrawingUnit | None) -> Contents:
             number = sum(entity.dxftype() != "VIEWPORT" for entity in layout)
             reader.left_out["entities of a paper space"] += number
     unstated = "" if stated else "The file states no unit, and mm is assumed."
-    return Contents(reader.curves, reader.points, +reader.left_out, reader.deviation, unstated, None, notes)
+    return Contents(
+        reader.curves, reader.points, +reader.left_out, reader.deviation, unstated, None, notes
+    )
 
 
 def _document(data: bytes) -> tuple[Any, tuple[str, ...]]:
@@ -109,7 +124,9 @@ def _document(data: bytes) -> tuple[Any, tuple[str, ...]]:
     except Exception as error:  # ezdxf raises many kinds for what is no DXF
         raise BadInput(f"not readable as DXF: {line_of(error)[:120]}") from None
     wrong = len(audit.errors) + len(audit.fixes)
-    return document, (f"{wrong} faults of the DXF file were repaired.",) if len(audit.errors) else ()
+    return document, (f"{wrong} faults of the DXF file were repaired.",) if len(
+        audit.errors
+    ) else ()
 
 
 def _unit_of(document: Any) -> DrawingUnit | None:
@@ -135,7 +152,9 @@ class _Reader:
         for entity in entities:
             self.count += 1
             if self.count > MOST_ENTITIES:
-                raise BadInput(f"more than {MOST_ENTITIES:,} entities with those of blocks, expected fewer")
+                raise BadInput(
+                    f"more than {MOST_ENTITIES:,} entities with those of blocks, expected fewer"
+                )
             kind = entity.dxftype()
             at = self._place(entity, place)
             reason = self._reason_to_leave(entity, kind, at)
@@ -155,7 +174,11 @@ class _Reader:
             linetype = around.linetype
         elif linetype.upper() == "BYLAYER":
             known = self.document.layers.has_entry(layer)
-            linetype = str(self.document.layers.get(layer).dxf.get("linetype", "CONTINUOUS")) if known else "CONTINUOUS"
+            linetype = (
+                str(self.document.layers.get(layer).dxf.get("linetype", "CONTINUOUS"))
+                if known
+                else "CONTINUOUS"
+            )
         return _Place(layer, linetype, around.groups)
 
     def _reason_to_leave(self, entity: Any, kind: str, at: _Place) -> str:
@@ -188,7 +211,10 @@ class _Reader:
     def _read_block(self, insert: Any, at: _Place, depth: int) -> None:
         """Read what a block reference draws, also in rows and columns."""
         if depth >= DEEPEST:
-            raise BadInput(f"blocks in blocks deeper than {DEEPEST}, expected fewer: a block may contain itself")
+            raise BadInput(
+                f"blocks in blocks deeper than {DEEPEST}, expected fewer: a block may contain "
+                "itself"
+            )
         copies = max(1, insert.dxf.get("row_count", 1)) * max(1, insert.dxf.get("column_count", 1))
         if copies > MOST_ENTITIES:
             raise BadInput(f"a block repeated {copies:,} times, expected at most {MOST_ENTITIES:,}")
@@ -248,15 +274,21 @@ class _Reader:
         radius = abs(float(entity.dxf.radius)) * self.scale
         if radius == 0:
             return []
-        first, turn = 0.0, 2 * math.pi
+        first = 0.0
+        turn = 2 * math.pi
         if kind == "ARC":
             first = math.radians(float(entity.dxf.start_angle))
-            turn = (math.radians(float(entity.dxf.end_angle)) - first) % (2 * math.pi) or 2 * math.pi
+            turn = (math.radians(float(entity.dxf.end_angle)) - first) % (
+                2 * math.pi
+            ) or 2 * math.pi
         if axis.z < 0:
-            first, turn = math.pi - first, -turn
+            first = math.pi - first
+            turn = -turn
         return arc(centre, centre + cmath.rect(radius, first), turn)
 
-    def _polyline(self, entity: Any, corners: list[tuple[float, float, float]], closed: bool) -> list[Segment]:
+    def _polyline(
+        self, entity: Any, corners: list[tuple[float, float, float]], closed: bool
+    ) -> list[Segment]:
         """Lines and, where a corner has a bulge, arcs."""
         ocs = entity.ocs()
         side = -1.0 if entity.dxf.extrusion.z < 0 else 1.0
@@ -273,26 +305,32 @@ class _Reader:
         """Polyline of R12, of which the control points of a fitted curve are no corners."""
         vertices = [vertex for vertex in entity.vertices if not vertex.dxf.get("flags", 0) & 16]
         places = [(vertex.dxf.location, vertex.dxf.get("bulge", 0.0)) for vertex in vertices]
-        corners = [(place[0], place[1], 0.0 if entity.is_3d_polyline else bulge) for place, bulge in places]
+        corners = [
+            (place[0], place[1], 0.0 if entity.is_3d_polyline else bulge) for place, bulge in places
+        ]
         return self._polyline(entity, corners, bool(entity.is_closed))
 
     def _ellipse(self, entity: Any) -> Approximation:
         first = float(entity.dxf.start_param)
         turn = (float(entity.dxf.end_param) - first) % (2 * math.pi) or 2 * math.pi
-        major, minor = self._plane(entity.dxf.major_axis), self._plane(entity.minor_axis)
+        major = self._plane(entity.dxf.major_axis)
+        minor = self._plane(entity.minor_axis)
         return ellipse(self._plane(entity.dxf.center), major, minor, first, turn)
 
     def _spline(self, entity: Any) -> Approximation:
         """Spline by control points, with weights, or by points that it goes through."""
         if not 1 <= entity.dxf.degree <= HIGHEST_DEGREE:
-            raise BadInput(f"a spline of degree {entity.dxf.degree}, expected 1 to {HIGHEST_DEGREE}")
+            raise BadInput(
+                f"a spline of degree {entity.dxf.degree}, expected 1 to {HIGHEST_DEGREE}"
+            )
         self.count += entity.control_point_count() + entity.fit_point_count()
         try:
             curve = entity.construction_tool()
             knots = np.unique(np.array(curve.knots(), dtype=float))
         except Exception as error:  # ezdxf raises many kinds for impossible splines
             raise BadInput(f"a spline that cannot be drawn: {text_of(error)[:80]}") from None
-        low, high = knots[0], min(float(curve.max_t), knots[-1])
+        low = knots[0]
+        high = min(float(curve.max_t), knots[-1])
         knots = knots[knots <= high]
 
         def at(share: Any) -> Any:

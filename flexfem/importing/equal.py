@@ -38,7 +38,9 @@ class EqualHinges(NamedTuple):
 
 
 def equal_hinges(hinges: Sequence[FoundHinge]) -> list[EqualHinges]:
-    """Return the groups of hinges whose shape is one and whose dimensions are equal, in the order of the hinges."""
+    """Return the groups of hinges whose shape is one and whose dimensions are equal, in the order
+    of the hinges.
+    """
     groups = list[list[int]]()
     for index, hinge in enumerate(hinges):
         group = next((each for each in groups if _are_equal(hinges[each[0]], hinge)), None)
@@ -49,7 +51,10 @@ def equal_hinges(hinges: Sequence[FoundHinge]) -> list[EqualHinges]:
     found = list[EqualHinges]()
     for group in groups:
         first = hinges[group[0]]
-        means = {key: float(np.mean([hinges[k].dimensions[key] for k in group])) for key in first.dimensions}
+        means = {
+            key: float(np.mean([hinges[k].dimensions[key] for k in group]))
+            for key in first.dimensions
+        }
         found.append(EqualHinges(first.shape, tuple(group), means))
     return found
 
@@ -69,7 +74,8 @@ def _are_equal(one: FoundHinge, other: FoundHinge) -> bool:
 
 def _same_edges(one: FoundHinge, other: FoundHinge) -> bool:
     """Whether the sides and the tables of two hinges are the same as they stand."""
-    rows, others = np.array(one.table), np.array(other.table)
+    rows = np.array(one.table)
+    others = np.array(other.table)
     if one.side != other.side or one.smooth != other.smooth or rows.shape != others.shape:
         return False
     return bool(np.all(np.abs(rows - others) <= EQUAL))
@@ -79,7 +85,9 @@ def turned_round(hinge: FoundHinge) -> FoundHinge:
     """Return the same hinge as it is described from its second body to its first."""
     rows = tuple((-row[0], *row[:0:-1]) for row in reversed(hinge.table))
     heading = math.remainder(hinge.heading + math.pi, 2 * math.pi)
-    return hinge._replace(bodies=hinge.bodies[::-1], heading=heading, table=rows, side=OPPOSITE[hinge.side])
+    return hinge._replace(
+        bodies=hinge.bodies[::-1], heading=heading, table=rows, side=OPPOSITE[hinge.side]
+    )
 
 
 def mirrored(hinge: FoundHinge) -> FoundHinge:
@@ -91,7 +99,8 @@ def mirrored(hinge: FoundHinge) -> FoundHinge:
 class PartShape(NamedTuple):
     """What decides whether a body is a copy of another.
 
-    points : (n,), corners of its loops and middles of their sides.   clamped : (m,), middles of its clamped edges.
+    points : (n,), corners of its loops and middles of their sides.   clamped : (m,), middles of its
+    clamped edges.
     role : such as "fixed"; None for the output, which is no copy.
     """
 
@@ -110,7 +119,8 @@ def shape_of(sides: Sequence[Segment], clamped: Sequence[int], role: str | None)
 class CopiedParts(NamedTuple):
     """One [[copy]]: indices of the bodies and hinges that are copied, and how.
 
-    times, about : of a rotation, the original counted.   mirror : two points of the line of a mirror image, else None.
+    times, about : of a rotation, the original counted.   mirror : two points of the line of a
+    mirror image, else None.
     images : by step of the rotation, bodies and hinges by the index of the part that they copy.
     """
 
@@ -152,7 +162,9 @@ def find_copies(
     rounded : centre of a rotation or point of a line of symmetry as it will be written.
     """
     parts = _Parts(hinges, groups, shapes)
-    bodies, kept, found = set(range(len(shapes))), set(range(len(hinges))), list[CopiedParts]()
+    bodies = set(range(len(shapes)))
+    kept = set(range(len(hinges)))
+    found = list[CopiedParts]()
     while len(found) < MOST_LEVELS:
         tried = [parts.copied(move, bodies, kept) for move in parts.moves(kept, rounded)]
         best = max(tried, key=lambda each: each.copied, default=None)
@@ -179,16 +191,23 @@ class _Parts:
     """The parts of a plate among which copies are searched."""
 
     def __init__(
-        self, hinges: Sequence[FoundHinge], groups: Sequence[EqualHinges], shapes: Sequence[PartShape]
+        self,
+        hinges: Sequence[FoundHinge],
+        groups: Sequence[EqualHinges],
+        shapes: Sequence[PartShape],
     ) -> None:
-        self.hinges, self.shapes, self.groups = hinges, shapes, groups
+        self.hinges = hinges
+        self.shapes = shapes
+        self.groups = groups
         self.group = {member: k for k, group in enumerate(groups) for member in group.members}
         self.places = np.array([hinge.place for hinge in hinges])
         self.centres = np.array([shape.points.mean() for shape in shapes])
         self.trees = [cKDTree(_columns(shape.points)) for shape in shapes]
         self.tree = cKDTree(_columns(self.places)) if len(hinges) else None
 
-    def moves(self, kept: set[int], rounded: Callable[[complex], complex]) -> Iterator[_Rotation | _Mirror]:
+    def moves(
+        self, kept: set[int], rounded: Callable[[complex], complex]
+    ) -> Iterator[_Rotation | _Mirror]:
         """Yield the moves that may take many of the kept hinges to others."""
         for group in self.groups:
             members = [k for k in group.members if k in kept]
@@ -196,15 +215,23 @@ class _Parts:
                 centre = rounded(complex(self.places[members].mean()))
                 orders = [n for n in range(MOST_ROUND, 2, -1) if len(members) % n == 0]
                 yield from (_Rotation(centre, n) for n in orders)
-        pairs = [pair for group in self.groups for pair in combinations([k for k in group.members if k in kept], 2)]
+        pairs = [
+            pair
+            for group in self.groups
+            for pair in combinations([k for k in group.members if k in kept], 2)
+        ]
         one, other = np.array(pairs[:MOST_PAIRS], dtype=np.int64).reshape(-1, 2).T
         apart = self.places[other] - self.places[one]
         distinct = np.abs(apart) > EQUAL
         across = apart[distinct] / np.abs(apart[distinct])
-        across *= np.where((across.real < -EQUAL) | ((np.abs(across.real) <= EQUAL) & (across.imag < 0)), -1, 1)
+        across *= np.where(
+            (across.real < -EQUAL) | ((np.abs(across.real) <= EQUAL) & (across.imag < 0)), -1, 1
+        )
         middle = (self.places[one] + self.places[other])[distinct] / 2
         level = (middle / across).real
-        keys = zip(*(np.round(part, 3).tolist() for part in (across.real, across.imag, level)), strict=True)
+        keys = zip(
+            *(np.round(part, 3).tolist() for part in (across.real, across.imag, level)), strict=True
+        )
         for _, k in _frequent(list(keys)):
             axis = complex(1j * across[k])
             foot = rounded(complex(level[k] * across[k]))
@@ -215,7 +242,9 @@ class _Parts:
             yield _Rotation(rounded(complex(middle[k])), 2)
 
     def copied(self, move: _Rotation | _Mirror, bodies: set[int], kept: set[int]) -> CopiedParts:
-        """Return the bodies and hinges, of those given, that a move takes to others again and again."""
+        """Return the bodies and hinges, of those given, that a move takes to others again and
+        again.
+        """
         mirror = (move.first, move.second) if isinstance(move, _Mirror) else None
         about, times = (0j, 2) if isinstance(move, _Mirror) else move
         plan = CopiedParts((), (), times, about, mirror, ())
@@ -225,7 +254,9 @@ class _Parts:
         copied = {body: k for k, orbit in enumerate(of_bodies) for body in orbit}
         of_hinges = list[list[int]]()
         for orbit in _orbits(kept, [step[1] for step in steps]):
-            first = self.places[of_hinges[0][0] if of_hinges else orbit[0]]  # the copied hinges lie near to each other
+            first = self.places[
+                of_hinges[0][0] if of_hinges else orbit[0]
+            ]  # the copied hinges lie near to each other
             for hinge in sorted(orbit, key=lambda k: (round(abs(self.places[k] - first), 3), k)):
                 turned = [hinge, *(other for other in orbit if other != hinge)]
                 if self._follows(turned, plan.moves, steps, chosen, copied):
@@ -233,14 +264,20 @@ class _Parts:
                     break
         taken = tuple(sorted(chosen)), tuple(orbit[0] for orbit in of_hinges)
         images = tuple(
-            ({body: step[0][body] for body in taken[0]}, {hinge: step[1][hinge] for hinge in taken[1]})
+            (
+                {body: step[0][body] for body in taken[0]},
+                {hinge: step[1][hinge] for hinge in taken[1]},
+            )
             for step in steps
         )
         return plan._replace(bodies=taken[0], hinges=taken[1], images=images)
 
-    def _image(self, move: Move, bodies: set[int], kept: set[int]) -> tuple[dict[int, int], dict[int, int]]:
+    def _image(
+        self, move: Move, bodies: set[int], kept: set[int]
+    ) -> tuple[dict[int, int], dict[int, int]]:
         """Return the bodies and hinges to which a move takes bodies and hinges, by their indices."""
-        of_bodies, of_hinges = dict[int, int](), dict[int, int]()
+        of_bodies = dict[int, int]()
+        of_hinges = dict[int, int]()
         for body in bodies:
             points = move(self.shapes[body].points)
             near = np.flatnonzero(np.abs(self.centres - points.mean()) <= EQUAL)
@@ -251,13 +288,20 @@ class _Parts:
             return of_bodies, of_hinges
         order = sorted(kept)
         distance, nearest = self.tree.query(_columns(move(self.places[order])))
-        for hinge, other in zip(order, np.where(distance <= EQUAL, nearest, -1).tolist(), strict=True):
-            if other in kept and self.group[other] == self.group[hinge] and self._same_axis(hinge, other, move):
+        for hinge, other in zip(
+            order, np.where(distance <= EQUAL, nearest, -1).tolist(), strict=True
+        ):
+            if (
+                other in kept
+                and self.group[other] == self.group[hinge]
+                and self._same_axis(hinge, other, move)
+            ):
                 of_hinges[hinge] = other
         return of_bodies, of_hinges
 
     def _same_body(self, one: int, other: int, move: Move) -> bool:
-        shape, target = self.shapes[one], self.shapes[other]
+        shape = self.shapes[one]
+        target = self.shapes[other]
         if shape.role is None or shape.role != target.role:
             return False
         if len(shape.points) != len(target.points) or len(shape.clamped) != len(target.clamped):
@@ -267,8 +311,11 @@ class _Parts:
         return bool(np.max(gaps) <= EQUAL and np.all(apart <= EQUAL))
 
     def _same_axis(self, one: int, other: int, move: Move) -> bool:
-        """Whether axis and edges of a hinge become those of another, which may be described in the opposite sense."""
-        image, target = self.hinges[one], self.hinges[other]
+        """Whether axis and edges of a hinge become those of another, which may be described in the
+        opposite sense.
+        """
+        image = self.hinges[one]
+        target = self.hinges[other]
         turn = cmath.exp(1j * (move.heading(image.heading) - target.heading))
         reach = sum(image.dimensions.values()) or 1.0
         image = mirrored(image) if move.mirrored else image
@@ -283,7 +330,8 @@ class _Parts:
             first, second = self.hinges[k].bodies
             beside.setdefault(first, []).append(second)
             beside.setdefault(second, []).append(first)
-        chosen, seen = set[int](), set[int]()
+        chosen = set[int]()
+        seen = set[int]()
         for orbit in orbits:
             ahead = [min(orbit)]
             while ahead:
@@ -302,7 +350,9 @@ class _Parts:
         chosen: set[int],
         copied: Mapping[int, int],
     ) -> bool:
-        """Whether the copies of the first hinge of an orbit connect what a [[copy]] connects them to."""
+        """Whether the copies of the first hinge of an orbit connect what a [[copy]] connects them
+        to.
+        """
         hinge = self.hinges[orbit[0]]
         if any(end in copied and end not in chosen for end in hinge.bodies):
             return False
@@ -317,7 +367,8 @@ class _Parts:
 
 def _orbits(parts: set[int], steps: Sequence[Mapping[int, int]]) -> list[list[int]]:
     """Return the parts that all steps take to different ones, each with its images."""
-    seen, found = set[int](), list[list[int]]()
+    seen = set[int]()
+    found = list[list[int]]()
     for part in sorted(parts):
         orbit = [part, *(step[part] for step in steps if part in step)]
         if len(orbit) == len(steps) + 1 == len(set(orbit)) and not seen & set(orbit):

@@ -1,4 +1,6 @@
-"""What the name of a layer says about its curves: marks of the ground, the output or screws, remarks, or metal."""
+"""What the name of a layer says about its curves: marks of the ground, the output or screws,
+remarks, or metal.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +17,28 @@ MARKS = re.compile(
     r"|inputs?|actuators?|loads?|forces?)(?![a-z])",
     re.IGNORECASE,
 )
-GROUND = re.compile(r"(?<![a-z])(ground\w*|clamp\w*|fixed|fix|fixtures?|frame|anchor\w*)(?![a-z])", re.IGNORECASE)
-OUTPUT = re.compile(r"(?<![a-z])(output\w*|stage|platform|end[ _-]?effector)(?![a-z])", re.IGNORECASE)
-SCREWS = re.compile(r"(?<![a-z])(screws?|bolts?|holes?|drill\w*|threads?|taps?|tapped)(?![a-z])", re.IGNORECASE)
+GROUND = re.compile(
+    r"(?<![a-z])(ground\w*|clamp\w*|fixed|fix|fixtures?|frame|anchor\w*)(?![a-z])", re.IGNORECASE
+)
+OUTPUT = re.compile(
+    r"(?<![a-z])(output\w*|stage|platform|end[ _-]?effector)(?![a-z])", re.IGNORECASE
+)
+SCREWS = re.compile(
+    r"(?<![a-z])(screws?|bolts?|holes?|drill\w*|threads?|taps?|tapped)(?![a-z])", re.IGNORECASE
+)
 
 
 def is_remark(layer: str) -> bool:
-    """Whether the curves of a layer are dimensions, texts, centre lines or paths of a tool, and no edges of metal."""
+    """Whether the curves of a layer are dimensions, texts, centre lines or paths of a tool, and no
+    edges of metal.
+    """
     return REMARKS.search(layer) is not None
 
 
 def is_mark(layer: str) -> bool:
-    """Whether a layer marks the ground, the output or what acts on the part; its curves need not be edges of metal."""
+    """Whether a layer marks the ground, the output or what acts on the part; its curves need not be
+    edges of metal.
+    """
     return MARKS.search(layer) is not None
 
 

@@ -1,16 +1,18 @@
-"""Curves on layers such as GROUND or OUTPUT: which of them are edges of metal, and which only mark a place.
+"""Curves on layers such as GROUND or OUTPUT: which of them are edges of metal, and which only mark
+a place.
 
-The rule: such a curve marks a place. It is an edge of metal as well where the other layers need it, which is the case
-for all curves that are connected with it on such layers, if
+The rule: such a curve marks a place. It is an edge of metal as well where the other layers need it,
+which is the case for all curves that are connected with it on such layers, if
 
 - the other layers have no curve,
 - an open end of the other layers is at one of them,
 - they enclose metal of the other layers, or
-- they enclose an area outside this metal that has an edge in common with it: a body that is drawn beside others.
+- they enclose an area outside this metal that has an edge in common with it: a body that is drawn
+  beside others.
 
-Closed contours within the metal of the other layers, and those that cross its edge, only mark a place: what is cut
-there is drawn on another layer. Layers such as SCREWS and HOLES hold edges of metal and mark them.
-"""
+Closed contours within the metal of the other layers, and those that cross its edge, only mark a
+place: what is cut there is drawn on another layer. Layers such as SCREWS and HOLES hold edges of
+metal and mark them."""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ ROUNDS = 8  # of bodies on such layers, each beside the one before
 
 
 class Sorted(NamedTuple):
-    """Curves that are edges of metal, what they enclose, and the layers of marks on which some of them are."""
+    """Curves that are edges of metal, what they enclose, and the layers of marks on which some of
+    them are.
+    """
 
     metal: list[DrawnCurve]
     network: CurveNetwork
@@ -47,7 +51,8 @@ def sorted_curves(curves: Sequence[DrawnCurve], tolerance: float) -> Sorted:
     metal = [curve for curve in curves if not is_mark(curve.layer)]
     doubtful = _connected([curve for curve in curves if is_mark(curve.layer)], tolerance)
     if not metal:
-        metal, doubtful = list(curves), []
+        metal = list(curves)
+        doubtful = []
     taken = list[str]()
     network = network_of(metal, tolerance)
     regions = regions_of(network)
@@ -85,7 +90,9 @@ def _connected(curves: list[DrawnCurve], tolerance: float) -> list[list[DrawnCur
 
 
 def _is_metal(group: Sequence[DrawnCurve], regions: Regions, tolerance: float) -> bool:
-    """Whether connected curves on layers of marks are edges of metal, next to what other layers enclose."""
+    """Whether connected curves on layers of marks are edges of metal, next to what other layers
+    enclose.
+    """
     shapes = Shapes([segment for curve in group for segment in curve.segments])
     ends = np.array([end for chain in regions.open for end in chain.ends], dtype=complex)
     if len(ends):
@@ -96,11 +103,16 @@ def _is_metal(group: Sequence[DrawnCurve], regions: Regions, tolerance: float) -
             return True
     own = regions_of(network_of(group, tolerance))
     for plate in own.plates:
-        area = shapely.Polygon(polygon_points([edge.segment for edge in plate.outside], FINE)).buffer(0)
+        area = shapely.Polygon(
+            polygon_points([edge.segment for edge in plate.outside], FINE)
+        ).buffer(0)
         for other in regions.plates:
             metal = _polygon(other)
             around = shapely.Polygon(metal.exterior)
-            if around.difference(area).area < INSIDE * metal.area and area.area > (1 + INSIDE) * around.area:
+            if (
+                around.difference(area).area < INSIDE * metal.area
+                and area.area > (1 + INSIDE) * around.area
+            ):
                 return True
             beside = metal.buffer(10 * SNAP).intersection(area.boundary).length > 100 * SNAP
             if beside and metal.intersection(area).area < INSIDE * min(area.area, metal.area):
@@ -115,7 +127,9 @@ def _polygon(plate: DrawnPlate) -> shapely.Polygon:
     return shapely.Polygon(outside, holes).buffer(0)
 
 
-def marks_of(curves: Iterable[DrawnCurve], points: Sequence[DrawnMark], tolerance: float) -> tuple[DrawnMark, ...]:
+def marks_of(
+    curves: Iterable[DrawnCurve], points: Sequence[DrawnMark], tolerance: float
+) -> tuple[DrawnMark, ...]:
     """Return what is on layers that mark a place: points, lines and closed contours."""
     by_layer = dict[str, list[DrawnCurve]]()
     for curve in curves:
@@ -129,7 +143,9 @@ def marks_of(curves: Iterable[DrawnCurve], points: Sequence[DrawnMark], toleranc
                 marks.append(DrawnMark(layer, _points([edge.segment for edge in loop])))
         for chain in regions.open:
             for edge in chain.edges:
-                marks.append(DrawnMark(layer, (*_points([edge.segment]), edge.segment.end), closed=False))
+                marks.append(
+                    DrawnMark(layer, (*_points([edge.segment]), edge.segment.end), closed=False)
+                )
     return tuple(marks)
 
 

@@ -1,4 +1,6 @@
-"""What surrounds the hinges of a plate: whether the metal widens beyond them, and where else it is narrow."""
+"""What surrounds the hinges of a plate: whether the metal widens beyond them, and where else it is
+narrow.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,28 @@ from flexfem.importing.shapes import Fit
 from flexfem.mechanism.outlines import Segment, polygon_points
 
 WIDENS = 1.6  # width of a body near the end of a hinge, per height of this end
-BEYOND = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)  # distances from the end of a hinge, per height of this end, where it widens
-ASIDE = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)  # of them, distances from the axis, per height of this end
+BEYOND = (
+    0.5,
+    1.0,
+    1.5,
+    2.0,
+    3.0,
+    4.0,
+)  # distances from the end of a hinge, per height of this end, where it widens
+ASIDE = (
+    -2.0,
+    -1.0,
+    -0.5,
+    0.0,
+    0.5,
+    1.0,
+    2.0,
+)  # of them, distances from the axis, per height of this end
 STEP = np.pi / 64  # rad of arc per side of the polygon from which distances are taken
 SLENDER = 1.5  # width of slender metal per width of its narrowest place
-WITHIN = 0.49  # distance from the middle of a hinge, per length or height, of what is surely inside it
+WITHIN = (
+    0.49  # distance from the middle of a hinge, per length or height, of what is surely inside it
+)
 
 
 class Room:
@@ -25,7 +44,9 @@ class Room:
 
     def __init__(self, loops: Sequence[Sequence[Segment]]) -> None:
         rings = [polygon_points(loop, STEP) for loop in loops]
-        sides = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+        sides = np.concatenate(
+            [np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings]
+        )
         self._points = np.concatenate(rings) @ [1, 1j]
         self._tree = shapely.STRtree(np.asarray(shapely.linestrings(sides)))
         self._metal = shapely.Polygon(rings[0], rings[1:])
@@ -35,7 +56,8 @@ class Room:
         """Return whether no edge of the plate is inside a hinge."""
         local = fit.frame.into(self._points)
         inside = np.abs(local.real) < WITHIN * fit.profile.length
-        x, y = local[inside].real, local[inside].imag
+        x = local[inside].real
+        y = local[inside].imag
         aside = np.abs(y - fit.profile.middle(x))
         return not np.any(aside < WITHIN * fit.profile.height(x))
 
@@ -65,12 +87,19 @@ class Paths:
         self.middles = triangles.points[triangles.chords].mean(axis=1)
         order = np.argsort(triangles.beside.ravel(), kind="stable")
         self._chords = order // 2
-        self._first = np.searchsorted(triangles.beside.ravel()[order], np.arange(len(triangles.corners) + 1))
+        self._first = np.searchsorted(
+            triangles.beside.ravel()[order], np.arange(len(triangles.corners) + 1)
+        )
 
-    def beyond(self, chord: int, side: int, widest: float, reach: float) -> Iterator[tuple[int, int]]:
-        """Yield the chords, and triangles behind them, on one side of a chord that narrower and near ones lead to."""
+    def beyond(
+        self, chord: int, side: int, widest: float, reach: float
+    ) -> Iterator[tuple[int, int]]:
+        """Yield the chords, and triangles behind them, on one side of a chord that narrower and
+        near ones lead to.
+        """
         start = int(self.triangles.beside[chord, side])
-        stack, seen = [start], {start}
+        stack = [start]
+        seen = {start}
         while stack:
             triangle = stack.pop()
             for other in self._chords[self._first[triangle] : self._first[triangle + 1]].tolist():

@@ -1,10 +1,11 @@
-"""Narrow places between wide parts of a plate, found at all sizes by the Delaunay triangles of points on its edge.
+"""Narrow places between wide parts of a plate, found at all sizes by the Delaunay triangles of
+points on its edge.
 
-A side of a triangle that crosses the metal is a chord: half its length is the radius of a disc that just passes there.
-The metal is flooded from the widest chords on. Where two parts meet at a chord that is several times narrower than the
-widest chords of both, they are two bodies and the chord lies in a hinge. Otherwise they become one part. Every hinge
-is so compared with what it connects, whatever the size of the others.
-"""
+A side of a triangle that crosses the metal is a chord: half its length is the radius of a disc that
+just passes there. The metal is flooded from the widest chords on. Where two parts meet at a chord
+that is several times narrower than the widest chords of both, they are two bodies and the chord
+lies in a hinge. Otherwise they become one part. Every hinge is so compared with what it connects,
+whatever the size of the others."""
 
 from __future__ import annotations
 
@@ -19,7 +20,9 @@ from scipy.spatial import Delaunay
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.mechanism.outlines import Segment
 
-NARROWER = 1.5  # width of the narrower of two parts per width of the chord between them, from which it may be a hinge
+# width of the narrower of two parts per width of the chord between them, from which it may be a
+# hinge
+NARROWER = 1.5
 ROUNDS = 14  # in which points are added, each time in the middle between two
 PER_WIDTH = 1.0  # distance of points on the edge per width of the metal there
 FEW = 2e-4  # points per point from which it is too far to the next, that are left as they are
@@ -38,10 +41,11 @@ class Place(NamedTuple):
 
 
 class Neck(NamedTuple):
-    """A chord in a narrow part of the metal: two places of the edge that face each other, and its length, mm.
+    """A chord in a narrow part of the metal: two places of the edge that face each other, and its
+    length, mm.
 
-    beyond : mm, longest chord of the narrower of the two parts that it connects.   chord : its index.
-    """
+    beyond : mm, longest chord of the narrower of the two parts that it connects.   chord : its
+    index."""
 
     right: Place
     left: Place
@@ -54,7 +58,8 @@ class Triangles(NamedTuple):
     """Triangles of the metal between points of its edge.
 
     points : (n,), complex, mm.   corners : (t, 3), counter-clockwise.
-    chords : (c, 2), the two points of every side that crosses the metal.   beside : (c, 2), the triangles at it.
+    chords : (c, 2), the two points of every side that crosses the metal.   beside : (c, 2), the
+    triangles at it.
     lengths : (c,), mm, of the chords.   loop, segment, share : (n,), the place of every point.
     """
 
@@ -80,7 +85,9 @@ class _Edge:
         self.start = np.array([segment.start for segment in segments])
         self.end = np.array([segment.end for segment in segments])
         self.is_arc = np.array([segment.centre is not None for segment in segments])
-        self.centre = np.array([0j if segment.centre is None else segment.centre for segment in segments])
+        self.centre = np.array(
+            [0j if segment.centre is None else segment.centre for segment in segments]
+        )
         self.turn = np.array([segment.turn for segment in segments])
         self.length = np.array([segment.length for segment in segments])
         self.loop = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])
@@ -95,7 +102,8 @@ class _Edge:
     @property
     def points(self) -> AnyArray:
         """Points (n,), complex, mm."""
-        k, share = self.segment, self.share
+        k = self.segment
+        share = self.share
         line = self.start[k] + share * (self.end[k] - self.start[k])
         arc = self.centre[k] + (self.start[k] - self.centre[k]) * np.exp(1j * share * self.turn[k])
         return np.asarray(np.where(self.is_arc[k], arc, line))
@@ -126,7 +134,9 @@ class _Edge:
 
 
 def triangles_of(loops: Sequence[Sequence[Segment]]) -> Triangles:
-    """Return the triangles of the metal inside closed loops, with points as close as the metal is narrow."""
+    """Return the triangles of the metal inside closed loops, with points as close as the metal is
+    narrow.
+    """
     edge = _Edge(loops)
     for last in [*[False] * (ROUNDS - 1), True]:
         found, missing = _triangles(edge)
@@ -138,45 +148,63 @@ def triangles_of(loops: Sequence[Sequence[Segment]]) -> Triangles:
 
 
 def _triangles(edge: _Edge) -> tuple[Triangles, AnyArray]:
-    """Return the triangles of the metal, and which points (n,) no side of a triangle connects with the next."""
-    points, following = edge.points, edge.following
+    """Return the triangles of the metal, and which points (n,) no side of a triangle connects with
+    the next.
+    """
+    points = edge.points
+    following = edge.following
     n = len(points)
     around = np.mean(points) + BEYOND * edge.extent * 1j ** np.arange(4)
     z = np.append(points, around)
     delaunay = Delaunay(np.column_stack([z.real, z.imag]) - [z[0].real, z[0].imag])
     corners = delaunay.simplices.astype(np.int64)
     after = np.append(following, [-1] * 4)
-    from_, to = corners[:, [1, 2, 0]], corners[:, [2, 0, 1]]  # the side opposite to each corner
-    ahead, behind = after[from_] == to, after[to] == from_
+    from_ = corners[:, [1, 2, 0]]
+    to = corners[:, [2, 0, 1]]  # the side opposite to each corner
+    ahead = after[from_] == to
+    behind = after[to] == from_
     is_metal = _inside(delaunay.neighbors, ahead, behind) & np.all(corners < n, axis=1)
     missing = np.ones(n, dtype=bool)
     missing[from_[ahead]] = False
     other = delaunay.neighbors
-    crossing = is_metal[:, None] & is_metal[other] & ~ahead & (np.arange(len(corners))[:, None] < other)
+    crossing = (
+        is_metal[:, None] & is_metal[other] & ~ahead & (np.arange(len(corners))[:, None] < other)
+    )
     triangle, side = np.nonzero(crossing)
     number = np.cumsum(is_metal) - 1
     beside = number[np.column_stack([triangle, other[triangle, side]])]
     chords = np.column_stack([from_[triangle, side], to[triangle, side]])
     lengths = np.abs(z[chords[:, 0]] - z[chords[:, 1]])
-    places = (edge.loop[edge.segment], edge.segment - edge.first[edge.loop[edge.segment]], edge.share)
+    places = (
+        edge.loop[edge.segment],
+        edge.segment - edge.first[edge.loop[edge.segment]],
+        edge.share,
+    )
     return Triangles(points, corners[is_metal], chords, beside, lengths, *places), missing
 
 
 def _inside(neighbours: Index, ahead: AnyArray, behind: AnyArray) -> AnyArray:
-    """Return which triangles (t,) are metal: those to the left of the edge, and what they reach without crossing it.
+    """Return which triangles (t,) are metal: those to the left of the edge, and what they reach
+    without crossing it.
 
-    neighbours : (t, 3).   ahead, behind : (t, 3), whether a side follows the edge in its sense, or against it.
-    """
+    neighbours : (t, 3).   ahead, behind : (t, 3), whether a side follows the edge in its sense, or
+    against it."""
     count = len(neighbours)
     triangle, side = np.nonzero(~(ahead | behind) & (neighbours >= 0))
-    links = sp.coo_array((np.ones(len(triangle)), (triangle, neighbours[triangle, side])), shape=(count, count))
+    links = sp.coo_array(
+        (np.ones(len(triangle)), (triangle, neighbours[triangle, side])), shape=(count, count)
+    )
     parts, part = connected_components(links, directed=False)
-    votes = np.bincount(part, np.sum(ahead, axis=1, dtype=float) - np.sum(behind, axis=1), minlength=parts)
+    votes = np.bincount(
+        part, np.sum(ahead, axis=1, dtype=float) - np.sum(behind, axis=1), minlength=parts
+    )
     return np.asarray(votes[part] > 0)
 
 
 def _too_coarse(edge: _Edge, found: Triangles) -> AnyArray:
-    """Return the points (n,) from which it is too far to the next, for the width of the metal at both."""
+    """Return the points (n,) from which it is too far to the next, for the width of the metal at
+    both.
+    """
     steps = edge.steps
     way = np.cumsum(steps) - steps
     total = np.bincount(found.loop, steps)
@@ -195,7 +223,8 @@ class _Parts:
     """Sets of triangles that grow together, each with the length of its longest chord."""
 
     def __init__(self, widest: list[float]) -> None:
-        self.of, self.widest = list(range(len(widest))), widest
+        self.of = list(range(len(widest)))
+        self.widest = widest
 
     def find(self, triangle: int) -> int:
         """Return the number of the part of a triangle."""
@@ -211,15 +240,19 @@ class _Parts:
 
 
 def necks_of(found: Triangles, narrower: float = NARROWER) -> tuple[list[Neck], list[Neck]]:
-    """Return the chords in hinges between two bodies, and those in narrow places between a body and itself.
+    """Return the chords in hinges between two bodies, and those in narrow places between a body and
+    itself.
 
-    narrower : width of the narrower of two parts per width of the chord between them, from which they are two bodies.
-    """
+    narrower : width of the narrower of two parts per width of the chord between them, from which
+    they are two bodies."""
     widest = np.zeros(len(found.corners))
     for side in found.beside.T:
         np.maximum.at(widest, side, found.lengths)
-    parts, closing, between = _Parts(widest.tolist()), list[Neck](), list[Neck]()
-    beside, lengths = found.beside.tolist(), found.lengths.tolist()
+    parts = _Parts(widest.tolist())
+    closing = list[Neck]()
+    between = list[Neck]()
+    beside = found.beside.tolist()
+    lengths = found.lengths.tolist()
     for chord in np.argsort(-found.lengths).tolist():
         one, other = map(parts.find, beside[chord])
         beyond = min(parts.widest[one], parts.widest[other])
@@ -227,7 +260,11 @@ def necks_of(found: Triangles, narrower: float = NARROWER) -> tuple[list[Neck], 
             (closing if one == other else between).append(_neck(found, chord, beyond))
         elif one != other:
             parts.join(one, other)
-    separate = [each for each in between if parts.find(beside[each.chord][0]) != parts.find(beside[each.chord][1])]
+    separate = [
+        each
+        for each in between
+        if parts.find(beside[each.chord][0]) != parts.find(beside[each.chord][1])
+    ]
     return separate, closing
 
 

@@ -1,4 +1,6 @@
-"""Curves of a drawing joined at their ends: vertices and edges, without doubles, with small gaps closed; mm."""
+"""Curves of a drawing joined at their ends: vertices and edges, without doubles, with small gaps
+closed; mm.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ SNAP = 1e-4  # mm; ends at a smaller distance are one point: programs round coor
 SAME = 5e-4  # mm; two edges between the same vertices with middles at a smaller distance are one
 MOST_PAIRS = 3_000_000  # of curves or points whose boxes overlap
 AT_ONCE = 256  # points or boxes that are searched together, which limits the memory
-TOO_DENSE = f"more than {MOST_PAIRS:,} pairs of curves over each other, expected the contours of a part"
+TOO_DENSE = (
+    f"more than {MOST_PAIRS:,} pairs of curves over each other, expected the contours of a part"
+)
 ROUNDS = 3  # of closing gaps; an end that is moved to a line divides the line
 NEAREST = 6  # open ends that are tried for each
 
@@ -40,7 +44,9 @@ class Edge(NamedTuple):
 
 
 class CurveNetwork(NamedTuple):
-    """Vertices (n,), complex, and edges between them; `gaps` that were closed, mm, and the number of `doubles`."""
+    """Vertices (n,), complex, and edges between them; `gaps` that were closed, mm, and the number
+    of `doubles`.
+    """
 
     points: AnyArray
     edges: list[Edge]
@@ -49,7 +55,9 @@ class CurveNetwork(NamedTuple):
 
     def degrees(self) -> AnyArray:
         """Number of edges (n,) at each vertex."""
-        return np.bincount([v for edge in self.edges for v in (edge.start, edge.end)], minlength=len(self.points))
+        return np.bincount(
+            [v for edge in self.edges for v in (edge.start, edge.end)], minlength=len(self.points)
+        )
 
 
 class Shapes:
@@ -59,14 +67,22 @@ class Shapes:
         nowhere = complex(np.nan, np.nan)
         self.start = np.array([each.start for each in segments], dtype=complex)
         self.end = np.array([each.end for each in segments], dtype=complex)
-        self.centre = np.array([nowhere if each.centre is None else each.centre for each in segments], dtype=complex)
+        self.centre = np.array(
+            [nowhere if each.centre is None else each.centre for each in segments], dtype=complex
+        )
         self.curved = ~np.isnan(self.centre.real)
         with np.errstate(invalid="ignore", divide="ignore"):
-            self.turn = np.where(self.curved, np.angle((self.end - self.centre) / (self.start - self.centre)), 0.0)
+            self.turn = np.where(
+                self.curved, np.angle((self.end - self.centre) / (self.start - self.centre)), 0.0
+            )
         self.radius = np.abs(self.start - self.centre)
-        self.length = np.where(self.curved, self.radius * np.abs(self.turn), np.abs(self.end - self.start))
+        self.length = np.where(
+            self.curved, self.radius * np.abs(self.turn), np.abs(self.end - self.start)
+        )
         sampled = self.at(np.arange(len(segments)), np.linspace(0, 1, 9))
-        aside = np.where(self.curved, self.radius * (1 - np.cos(self.turn / 16)), 0.0)  # between two samples
+        aside = np.where(
+            self.curved, self.radius * (1 - np.cos(self.turn / 16)), 0.0
+        )  # between two samples
         low = sampled.real.min(axis=1) - aside, sampled.imag.min(axis=1) - aside
         high = sampled.real.max(axis=1) + aside, sampled.imag.max(axis=1) + aside
         self.boxes = shapely.box(*low, *high)
@@ -74,14 +90,19 @@ class Shapes:
 
     def at(self, which: AnyArray, shares: Array) -> AnyArray:
         """Points (n, k) of n segments at shares (k,) of their lengths."""
-        start, end = self.start[which, None], self.end[which, None]
+        start = self.start[which, None]
+        end = self.end[which, None]
         centre = np.where(self.curved, self.centre, 0.0)[which, None]
         bent = centre + (start - centre) * np.exp(1j * self.turn[which, None] * shares)
         return np.asarray(np.where(self.curved[which, None], bent, start + (end - start) * shares))
 
     def projected(self, which: AnyArray, points: AnyArray) -> tuple[Array, Array]:
-        """Shares (n,) of points (n,) projected on n segments, and distances (n,) from lines and circles, mm."""
-        start, end, centre = self.start[which], self.end[which], self.centre[which]
+        """Shares (n,) of points (n,) projected on n segments, and distances (n,) from lines and
+        circles, mm.
+        """
+        start = self.start[which]
+        end = self.end[which]
+        centre = self.centre[which]
         with np.errstate(invalid="ignore", divide="ignore"):
             ahead = (points - start) / (end - start)
             turn = self.turn[which]
@@ -98,7 +119,9 @@ class Shapes:
         found = [np.empty((2, 0), dtype=int)]
         number = 0
         for first in range(0, len(at), AT_ONCE):
-            pairs = self.tree.query(at[first : first + AT_ONCE], predicate="dwithin", distance=distance)
+            pairs = self.tree.query(
+                at[first : first + AT_ONCE], predicate="dwithin", distance=distance
+            )
             number += pairs.shape[1]
             if number > MOST_PAIRS:
                 raise BadInput(TOO_DENSE)
@@ -121,7 +144,9 @@ class Shapes:
 
 
 def network_of(curves: Sequence[DrawnCurve], tolerance: float) -> CurveNetwork:
-    """Join curves at their ends and where an end lies on another curve; gaps up to a tolerance, mm, are closed."""
+    """Join curves at their ends and where an end lies on another curve; gaps up to a tolerance, mm,
+    are closed.
+    """
     network = _without_doubles(_divided(_snapped(curves), SNAP))
     for _ in range(ROUNDS):
         before = len(network.gaps)
@@ -142,8 +167,12 @@ def _snapped(curves: Sequence[DrawnCurve]) -> CurveNetwork:
     fine = np.round(np.column_stack([ends.real, ends.imag]) / (SNAP / 4))
     _, first, index = np.unique(fine, axis=0, return_index=True, return_inverse=True)
     places = ends[first]
-    pairs = cKDTree(np.column_stack([places.real, places.imag])).query_pairs(SNAP, output_type="ndarray")
-    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(places), len(places)))
+    pairs = cKDTree(np.column_stack([places.real, places.imag])).query_pairs(
+        SNAP, output_type="ndarray"
+    )
+    links = coo_matrix(
+        (np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(places), len(places))
+    )
     number, labels = connected_components(links, directed=False)
     points = np.empty(number, dtype=complex)
     points[labels[::-1]] = places[::-1]
@@ -151,12 +180,21 @@ def _snapped(curves: Sequence[DrawnCurve]) -> CurveNetwork:
     edges = list[Edge]()
     for segment, owner, (start, end) in zip(segments, owners, vertices, strict=True):
         if start != end:
-            edges.append(Edge(with_ends(segment, complex(points[start]), complex(points[end])), start, end, owner))
+            edges.append(
+                Edge(
+                    with_ends(segment, complex(points[start]), complex(points[end])),
+                    start,
+                    end,
+                    owner,
+                )
+            )
     return CurveNetwork(points, edges)
 
 
 def _without_doubles(network: CurveNetwork) -> CurveNetwork:
-    """Let edges between the same vertices that run along each other be one, with the number of their curves."""
+    """Let edges between the same vertices that run along each other be one, with the number of
+    their curves.
+    """
     between = defaultdict[tuple[int, int], list[Edge]](list)
     doubles = network.doubles
     for edge in network.edges:
@@ -166,7 +204,9 @@ def _without_doubles(network: CurveNetwork) -> CurveNetwork:
         middle = complex(edge.segment.at(0.5))
         for k, other in enumerate(alike):
             if abs(complex(other.segment.at(0.5)) - middle) < SAME:
-                alike[k] = other._replace(times=other.times + (edge.curve != other.curve) * edge.times)
+                alike[k] = other._replace(
+                    times=other.times + (edge.curve != other.curve) * edge.times
+                )
                 doubles += 1
                 break
         else:
@@ -184,8 +224,12 @@ def _divided(network: CurveNetwork, distance: float) -> CurveNetwork:
     return _divided_at(network, used[at], on, distance)
 
 
-def _divided_at(network: CurveNetwork, vertices: AnyArray, on: AnyArray, distance: float) -> CurveNetwork:
-    """Divide edges `on` at vertices of which they are no ends, if these lie within a distance of them."""
+def _divided_at(
+    network: CurveNetwork, vertices: AnyArray, on: AnyArray, distance: float
+) -> CurveNetwork:
+    """Divide edges `on` at vertices of which they are no ends, if these lie within a distance of
+    them.
+    """
     shapes = Shapes([edge.segment for edge in network.edges])
     points = network.points[vertices]
     shares, off = shapes.projected(on, points)
@@ -212,13 +256,17 @@ def _pieces(edge: Edge, between: Iterable[int], points: AnyArray) -> list[Edge]:
     for end in (*(v for v in between if v not in (edge.start, edge.end)), edge.end):
         if end != start:
             segment = Segment(complex(points[start]), complex(points[end]), edge.segment.centre)
-            pieces.append(edge._replace(segment=with_ends(segment, *segment[:2]), start=start, end=end))
+            pieces.append(
+                edge._replace(segment=with_ends(segment, *segment[:2]), start=start, end=end)
+            )
             start = end
     return pieces
 
 
 def _ends_joined(network: CurveNetwork, tolerance: float) -> CurveNetwork:
-    """Join open ends with the nearest other open end, else with the nearest vertex, within a tolerance."""
+    """Join open ends with the nearest other open end, else with the nearest vertex, within a
+    tolerance.
+    """
     open_ends = np.flatnonzero(network.degrees() == 1)
     if len(open_ends) < 1:
         return network
@@ -227,13 +275,20 @@ def _ends_joined(network: CurveNetwork, tolerance: float) -> CurveNetwork:
     moved = dict[int, int]()
     gaps = list(network.gaps)
     for gap, one, other in _nearest_pairs(network.points, open_ends, open_ends, tolerance):
-        if {one, other} & moved.keys() or other in moved.values() or one in moved.values() or at[one] is at[other]:
+        if (
+            {one, other} & moved.keys()
+            or other in moved.values()
+            or one in moved.values()
+            or at[one] is at[other]
+        ):
             continue
         places[other] = _corner(network.points, at[one], one, at[other], other)
         moved[one] = other
         gaps.append(gap)
     used = np.flatnonzero(network.degrees() > 1)
-    left = np.array([v for v in open_ends.tolist() if v not in moved and v not in moved.values()], dtype=int)
+    left = np.array(
+        [v for v in open_ends.tolist() if v not in moved and v not in moved.values()], dtype=int
+    )
     for gap, one, other in _nearest_pairs(network.points, left, used, tolerance):
         if one not in moved and other not in (at[one].start, at[one].end):
             moved[one] = other
@@ -241,27 +296,36 @@ def _ends_joined(network: CurveNetwork, tolerance: float) -> CurveNetwork:
     return _with_vertices(network._replace(points=places, gaps=tuple(gaps)), moved)
 
 
-def _nearest_pairs(points: AnyArray, ones: AnyArray, others: AnyArray, most: float) -> list[tuple[float, int, int]]:
+def _nearest_pairs(
+    points: AnyArray, ones: AnyArray, others: AnyArray, most: float
+) -> list[tuple[float, int, int]]:
     """Distances and pairs of vertices within `most` of each other, the nearest first."""
     if not len(ones) or not len(others):
         return []
     xy = np.column_stack([points.real, points.imag])
-    distances, found = cKDTree(xy[others]).query(xy[ones], k=min(NEAREST, len(others)), distance_upper_bound=most)
+    distances, found = cKDTree(xy[others]).query(
+        xy[ones], k=min(NEAREST, len(others)), distance_upper_bound=most
+    )
     pairs = list[tuple[float, int, int]]()
     near = np.reshape(distances, (len(ones), -1))
     for row, column in np.argwhere(np.isfinite(near)).tolist():
-        one, other = int(ones[row]), int(others[np.reshape(found, near.shape)[row, column]])
+        one = int(ones[row])
+        other = int(others[np.reshape(found, near.shape)[row, column]])
         if one != other:
             pairs.append((float(near[row, column]), one, other))
     return sorted(pairs)
 
 
 def _corner(points: AnyArray, first: Edge, one: int, second: Edge, other: int) -> complex:
-    """Point at which two edges meet: where their lines cross if that is near, else the middle of the gap."""
-    a, b = complex(points[one]), complex(points[other])
+    """Point at which two edges meet: where their lines cross if that is near, else the middle of
+    the gap.
+    """
+    a = complex(points[one])
+    b = complex(points[other])
     middle = (a + b) / 2
     if first.segment.centre is None and second.segment.centre is None:
-        u, v = first.segment.end - first.segment.start, second.segment.end - second.segment.start
+        u = first.segment.end - first.segment.start
+        v = second.segment.end - second.segment.start
         area = (u.conjugate() * v).imag
         if abs(area) > 0.05 * abs(u) * abs(v):
             crossing = a + u * ((b - a).conjugate() * v).imag / area
@@ -271,15 +335,27 @@ def _corner(points: AnyArray, first: Edge, one: int, second: Edge, other: int) -
 
 
 def _with_vertices(network: CurveNetwork, moved: dict[int, int]) -> CurveNetwork:
-    """Return the network with vertices replaced by others, and its edges between the places of their vertices."""
+    """Return the network with vertices replaced by others, and its edges between the places of
+    their vertices.
+    """
     edges = list[Edge]()
     for edge in network.edges:
-        start, end = moved.get(edge.start, edge.start), moved.get(edge.end, edge.end)
+        start = moved.get(edge.start, edge.start)
+        end = moved.get(edge.end, edge.end)
         if start == end:
             continue
-        a, b = complex(network.points[start]), complex(network.points[end])
+        a = complex(network.points[start])
+        b = complex(network.points[end])
         same = a == edge.segment.start and b == edge.segment.end
-        edges.append(Edge(edge.segment if same else with_ends(edge.segment, a, b), start, end, edge.curve, edge.times))
+        edges.append(
+            Edge(
+                edge.segment if same else with_ends(edge.segment, a, b),
+                start,
+                end,
+                edge.curve,
+                edge.times,
+            )
+        )
     return network._replace(edges=edges)
 
 
@@ -292,13 +368,17 @@ def _ends_on_lines(network: CurveNetwork, tolerance: float) -> CurveNetwork:
     which, on = shapes.near(network.points[open_ends], tolerance)
     vertices = open_ends[which]
     own = np.array(
-        [v in network.edges[k][1:3] for v, k in zip(vertices.tolist(), on.tolist(), strict=True)], dtype=bool
+        [v in network.edges[k][1:3] for v, k in zip(vertices.tolist(), on.tolist(), strict=True)],
+        dtype=bool,
     )
-    vertices, on = vertices[~own], on[~own]
+    vertices = vertices[~own]
+    on = on[~own]
     shares, off = shapes.projected(on, network.points[vertices])
     within = (off <= tolerance) & (shares > 0) & (shares < 1)
     nearest = dict[int, tuple[float, int, float]]()
-    for v, edge, share, gap in zip(*(part[within].tolist() for part in (vertices, on, shares, off)), strict=True):
+    for v, edge, share, gap in zip(
+        *(part[within].tolist() for part in (vertices, on, shares, off)), strict=True
+    ):
         if v not in nearest or gap < nearest[v][0]:
             nearest[v] = (gap, edge, share)
     if not nearest:

@@ -1,8 +1,8 @@
-"""Outlines of found bodies as corners of a mechanism file, tied to the ends of hinges by expressions.
+"""Outlines of found bodies as corners of a mechanism file, tied to the ends of hinges by
+expressions.
 
-A side at which hinges end follows their length, and a corner at the end of a hinge its height, so that the plate stays
-closed when a parameter changes. Complex points, mm.
-"""
+A side at which hinges end follows their length, and a corner at the end of a hinge its height, so
+that the plate stays closed when a parameter changes. Complex points, mm."""
 
 from __future__ import annotations
 
@@ -22,16 +22,20 @@ AT_HINGE = 5e-4  # the same of a side at which a hinge ends, which is fitted
 REACHED = 2e-3  # mm, between an end of a hinge and the side of a body
 SHORT = 1e-4  # mm, side beside a fillet
 TANGENT = 1e-5  # rad, of a fillet and its sides
-SHALLOW, BLUNT = 1e-2, math.radians(170.0)  # rad, turns between which an arc is written as a fillet
+SHALLOW = 1e-2
+BLUNT = math.radians(170.0)  # rad, turns between which an arc is written as a fillet
 LONGEST_ARC = math.radians(300.0)  # turn of an arc between two corners
 PARALLEL = 1e-6  # sine of the angle between sides without a common corner
-DECIMALS, FEWER = 9, 4  # of numbers of mm
+DECIMALS = 9
+FEWER = 4  # of numbers of mm
 SNAP = 2e-7  # mm, between a number and one with fewer decimals that is written instead
 FLAT = 1e-9  # factor of a parameter that is round-off
 
 
 class Term(NamedTuple):
-    """A parameter, or an expression of parameters, with its value, mm, and the number of times it counts."""
+    """A parameter, or an expression of parameters, with its value, mm, and the number of times it
+    counts.
+    """
 
     times: float
     text: str
@@ -39,7 +43,8 @@ class Term(NamedTuple):
 
 
 class HingeSize(NamedTuple):
-    """Sums of parameters: length of a hinge, and distances of its left and right edge from the axis at its ends.
+    """Sums of parameters: length of a hinge, and distances of its left and right edge from the axis
+    at its ends.
 
     They are empty where these are plain numbers.
     """
@@ -52,7 +57,8 @@ class HingeSize(NamedTuple):
 class HingeEnd(NamedTuple):
     """End of a hinge on a body.
 
-    middle : of the end.   outwards : unit vector of the axis towards this end.   left : unit vector to its left.
+    middle : of the end.   outwards : unit vector of the axis towards this end.   left : unit vector
+    to its left.
     corners : both corners, the left one first.
     """
 
@@ -64,7 +70,9 @@ class HingeEnd(NamedTuple):
 
 
 class Side(NamedTuple):
-    """A side of an outline: a line, or an arc with a turn, rad, and the hinge ends and drawn segments on it."""
+    """A side of an outline: a line, or an arc with a turn, rad, and the hinge ends and drawn
+    segments on it.
+    """
 
     start: complex
     end: complex
@@ -96,11 +104,14 @@ def hinge_ends(joints: Sequence[Joint], body: int) -> list[HingeEnd]:
 
 
 def vertices_of(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Vertex]:
-    """Return the corners of a closed loop: lines and arcs joined where they continue, and fillets as such."""
+    """Return the corners of a closed loop: lines and arcs joined where they continue, and fillets
+    as such.
+    """
     long = [(index, segment) for index, segment in enumerate(loop) if segment.length > SLIVER]
     starts = [segment.end for _, segment in (long[-1], *long[:-1])]
     sides = [
-        _side(segment._replace(start=start), index, ends) for start, (index, segment) in zip(starts, long, strict=True)
+        _side(segment._replace(start=start), index, ends)
+        for start, (index, segment) in zip(starts, long, strict=True)
     ]
     joined = list[Side]()
     for side in sides:
@@ -112,10 +123,13 @@ def vertices_of(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Verte
     if len(joined) > 2 and (longer := _joined(joined[-1], joined[0])) is not None:
         joined = [longer, *joined[1:-1]]
     count = len(joined)
-    round_corners = {k for k in range(count) if _is_fillet(joined[k - 1], joined[k], joined[(k + 1) % count])}
+    round_corners = {
+        k for k in range(count) if _is_fillet(joined[k - 1], joined[k], joined[(k + 1) % count])
+    }
     found = list[Vertex]()
     for k in range(count):
-        before, after = joined[k - 1], joined[k]
+        before = joined[k - 1]
+        after = joined[k]
         if (k - 1) % count in round_corners:
             continue
         if k not in round_corners:
@@ -123,14 +137,21 @@ def vertices_of(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Verte
             continue
         assert after.centre is not None
         following = joined[(k + 1) % count]
-        corner = _crossing(before.start, before.end - before.start, following.start, following.end - following.start)
+        corner = _crossing(
+            before.start,
+            before.end - before.start,
+            following.start,
+            following.end - following.start,
+        )
         assert corner is not None
         found.append(Vertex(corner, abs(after.start - after.centre), before, following))
     return found
 
 
 def _side(segment: Segment, index: int, ends: Sequence[HingeEnd]) -> Side:
-    on = tuple(end for end in ends if segment.centre is None and _ends_on(end, segment.start, segment.end))
+    on = tuple(
+        end for end in ends if segment.centre is None and _ends_on(end, segment.start, segment.end)
+    )
     return Side(segment.start, segment.end, segment.centre, segment.turn, on, (index,))
 
 
@@ -144,16 +165,25 @@ def _ends_on(end: HingeEnd, start: complex, stop: complex) -> bool:
 
 def _joined(one: Side, other: Side) -> Side | None:
     """Return two sides as one, None where there is a corner between them."""
-    ends, segments = one.ends + other.ends, one.segments + other.segments
+    ends = one.ends + other.ends
+    segments = one.segments + other.segments
     if one.centre is None and other.centre is None:
         chord = other.end - one.start
         ahead = ((other.end - other.start) * (one.end - one.start).conjugate()).real > 0
-        off = abs(((one.end - one.start) / chord).imag) * abs(chord) if abs(chord) > SHORTEST else math.inf
+        off = (
+            abs(((one.end - one.start) / chord).imag) * abs(chord)
+            if abs(chord) > SHORTEST
+            else math.inf
+        )
         if ahead and off <= (AT_HINGE if ends else STRAIGHT):
             return Side(one.start, other.end, None, 0.0, ends, segments)
     if one.centre is not None and other.centre is not None:
         turn = one.turn + other.turn
-        if abs(one.centre - other.centre) <= STRAIGHT and one.turn * other.turn > 0 and abs(turn) < LONGEST_ARC:
+        if (
+            abs(one.centre - other.centre) <= STRAIGHT
+            and one.turn * other.turn > 0
+            and abs(turn) < LONGEST_ARC
+        ):
             return Side(one.start, other.end, one.centre, turn, ends, segments)
     return None
 
@@ -164,11 +194,15 @@ def _is_fillet(before: Side, side: Side, after: Side) -> bool:
         return False
     if not SHALLOW < abs(side.turn) < BLUNT:
         return False
-    along, beyond = before.end - before.start, after.end - after.start
+    along = before.end - before.start
+    beyond = after.end - after.start
     if min(abs(along), abs(beyond)) < SHORT:
         return False
     quarter = 1j * math.copysign(1.0, side.turn)
-    bends = (quarter * (side.start - side.centre) / along, quarter * (side.end - side.centre) / beyond)
+    bends = (
+        quarter * (side.start - side.centre) / along,
+        quarter * (side.end - side.centre) / beyond,
+    )
     return all(abs(cmath.phase(bend)) < TANGENT for bend in bends)
 
 
@@ -195,14 +229,23 @@ def placed_vertices(vertices: Sequence[Vertex], sizes: Sequence[HingeSize]) -> l
     """
     placed = [PlacedVertex(vertex, *_placed(vertex, sizes)) for vertex in vertices]
     following = [*placed[1:], placed[0]]
-    return [one for one, other in zip(placed, following, strict=True) if abs(one.point - other.point) > SLIVER]
+    return [
+        one
+        for one, other in zip(placed, following, strict=True)
+        if abs(one.point - other.point) > SLIVER
+    ]
 
 
 def outline_rows(placed: Sequence[PlacedVertex]) -> list[list[float | str]]:
-    """Return the corners of an outline as a file states them: x, y, and perhaps a radius and the height of an arc."""
+    """Return the corners of an outline as a file states them: x, y, and perhaps a radius and the
+    height of an arc.
+    """
     rows = list[list[float | str]]()
     for one, other in zip(placed, [*placed[1:], placed[0]], strict=True):
-        row = [_coordinate(one.point.real, one.terms, 1.0), _coordinate(one.point.imag, one.terms, -1j)]
+        row = [
+            _coordinate(one.point.real, one.terms, 1.0),
+            _coordinate(one.point.imag, one.terms, -1j),
+        ]
         if one.vertex.fillet:
             row.append(decimal(one.vertex.fillet))
         if one.vertex.after.centre is not None:
@@ -212,9 +255,12 @@ def outline_rows(placed: Sequence[PlacedVertex]) -> list[list[float | str]]:
     return rows
 
 
-def _placed(vertex: Vertex, sizes: Sequence[HingeSize]) -> tuple[complex, list[tuple[complex, Term]]]:
+def _placed(
+    vertex: Vertex, sizes: Sequence[HingeSize]
+) -> tuple[complex, list[tuple[complex, Term]]]:
     """Return a corner where the hinges end, and its displacement by each of the terms."""
-    before, after = vertex.before, vertex.after
+    before = vertex.before
+    after = vertex.after
     if not vertex.fillet:
         for end in (*before.ends, *after.ends):
             size = sizes[end.hinge]
@@ -236,14 +282,18 @@ def _placed(vertex: Vertex, sizes: Sequence[HingeSize]) -> tuple[complex, list[t
 
 
 def _line(side: Side) -> tuple[complex, complex] | None:
-    """Return a point and the direction of a straight side, at the ends of its hinges where it has some."""
+    """Return a point and the direction of a straight side, at the ends of its hinges where it has
+    some.
+    """
     if side.centre is not None:
         return None
     if not side.ends:
         return side.start, side.end - side.start
     first = side.ends[0]
     corners = [corner for end in side.ends for corner in end.corners]
-    level = min((corner * first.outwards.conjugate()).real for corner in corners)  # reaches all; hinges cut the rest
+    level = min(
+        (corner * first.outwards.conjugate()).real for corner in corners
+    )  # reaches all; hinges cut the rest
     foot = first.outwards * complex(level, (first.middle * first.outwards.conjugate()).imag)
     return foot, 1j * first.outwards
 
@@ -262,7 +312,9 @@ def _corner_of(point: complex, lines: Sequence[tuple[complex, complex] | None]) 
 
 
 def _way(side: Side, other: Side) -> complex:
-    """Return the displacement of a corner when the side moves outwards of its hinges by one, and the other stays."""
+    """Return the displacement of a corner when the side moves outwards of its hinges by one, and
+    the other stays.
+    """
     outwards = side.ends[0].outwards
     if other.centre is not None:
         return outwards
@@ -305,7 +357,9 @@ def expression(rest: float, shares: Mapping[str, float]) -> str:
 
 
 def decimal(value: float) -> float:
-    """Return a length as it is written: with few decimals where that is exact to `SNAP`, else with many."""
+    """Return a length as it is written: with few decimals where that is exact to `SNAP`, else with
+    many.
+    """
     fewer = round(value, FEWER)
     found = fewer if abs(fewer - value) <= SNAP else round(value, DECIMALS)
     return found + 0.0  # no -0
@@ -313,9 +367,15 @@ def decimal(value: float) -> float:
 
 def number_text(value: float) -> str:
     """Return a number as TOML and expressions write it, without a needless fraction."""
-    return str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+    return (
+        str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
+    )
 
 
 def row_text(row: Sequence[float | str]) -> str:
     """Return a corner as TOML."""
-    return "[" + ", ".join(as_toml(part) if isinstance(part, str) else number_text(part) for part in row) + "]"
+    return (
+        "["
+        + ", ".join(as_toml(part) if isinstance(part, str) else number_text(part) for part in row)
+        + "]"
+    )

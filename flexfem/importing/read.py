@@ -34,8 +34,10 @@ LARGEST_KERF = 10.0  # mm
 LARGEST_THICKNESS = 1e4  # mm
 LARGEST_FILE = 100_000_000  # bytes
 MOST_SEGMENTS = 200_000
-SMALL, LARGE = 5.0, 2000.0  # mm; a plate of another size is a unit error unless the caller states the unit
-SMALLEST, LARGEST = 1e-2, 1e5  # mm; the same with a stated unit
+SMALL = 5.0
+LARGE = 2000.0  # mm; a plate of another size is a unit error unless the caller states the unit
+SMALLEST = 1e-2
+LARGEST = 1e5  # mm; the same with a stated unit
 NAMED = 6  # parts in a note
 
 
@@ -55,10 +57,11 @@ def read_drawing(
     path : path
         File that ends in .dxf, .step, .stp or .svg.
     units : str, optional
-        Unit of the lengths in the file, instead of the one that it states: mm, cm, m, um, in, ft, mil; px (96 per
-        inch), pt or, for example, 90dpi.
+        Unit of the lengths in the file, instead of the one that it states: mm, cm, m, um, in, ft,
+        mil; px (96 per inch), pt or, for example, 90dpi.
     part : int or str, optional
-        Number of the plate, 1 for the largest, or the name of its layer, block, group or solid. By default the largest.
+        Number of the plate, 1 for the largest, or the name of its layer, block, group or solid. By
+        default the largest.
     kerf : float
         Width of a cut, mm, whose middle is drawn: the metal loses half of it at every edge.
     tolerance : float, optional
@@ -69,7 +72,8 @@ def read_drawing(
     Raises
     ------
     BadInput
-        The file is no such drawing, has no closed contour, or an argument is out of range; one line.
+        The file is no such drawing, has no closed contour, or an argument is out of range; one
+        line.
     """
     file = checked_path(path)
     place = place_of(file)
@@ -104,15 +108,23 @@ def _contents(file: Path, unit: DrawingUnit | None, part: int | str | None) -> C
     suffix = file.suffix.lower()
     if suffix not in FORMATS:
         given = f"extension {file.suffix!r}" if suffix else "no extension"
-        raise BadInput(f"{given}, expected a drawing whose name ends in one of {', '.join(FORMATS)}")
+        raise BadInput(
+            f"{given}, expected a drawing whose name ends in one of {', '.join(FORMATS)}"
+        )
     try:
         if not file.is_file():
-            raise BadInput("not a file, expected a drawing" if file.exists() else "no such file, expected a drawing")
+            raise BadInput(
+                "not a file, expected a drawing"
+                if file.exists()
+                else "no such file, expected a drawing"
+            )
         if file.stat().st_size > LARGEST_FILE:
             raise BadInput(f"{file.stat().st_size:,} bytes, expected at most {LARGEST_FILE:,}")
         data = file.read_bytes()
     except (OSError, ValueError) as error:
-        raise BadInput(f"not readable ({getattr(error, 'strerror', None) or error}), expected a drawing") from None
+        raise BadInput(
+            f"not readable ({getattr(error, 'strerror', None) or error}), expected a drawing"
+        ) from None
     if not data.strip():
         raise BadInput("an empty file, expected a drawing")
     if suffix == ".dxf":
@@ -145,15 +157,22 @@ def _drawing(file: Path, contents: Contents, wanted: _Wanted) -> Drawing:
 def _check_curves(contents: Contents, wanted: _Wanted) -> None:
     """Refuse no curves, too many, and those of impossible size."""
     if not contents.curves:
-        raise BadInput(f"no curve of a contour{_left_out(contents)}, expected the closed contours of a plate")
+        raise BadInput(
+            f"no curve of a contour{_left_out(contents)}, expected the closed contours of a plate"
+        )
     segments = [segment for curve in contents.curves for segment in curve.segments]
     if len(segments) > MOST_SEGMENTS:
         raise BadInput(f"{len(segments):,} lines and arcs, expected at most {MOST_SEGMENTS:,}")
-    numbers = np.array([[each.start, each.end, each.centre or 0.0] for each in segments], dtype=complex)
+    numbers = np.array(
+        [[each.start, each.end, each.centre or 0.0] for each in segments], dtype=complex
+    )
     if not np.all(np.isfinite(numbers)):
         raise BadInput("coordinates that are not finite numbers, expected finite ones")
     if np.max(np.abs(numbers[:, :2])) > 100 * LARGEST:
-        raise BadInput(f"coordinates of {np.max(np.abs(numbers)):.3g} mm, expected at most {100 * LARGEST:g} mm")
+        raise BadInput(
+            f"coordinates of {np.max(np.abs(numbers)):.3g} mm, expected at most {100 * LARGEST:g} "
+            "mm"
+        )
     low, high = _extent(segments)
     _check_size(max((high - low).real, (high - low).imag), 0.0, wanted)
 
@@ -166,18 +185,20 @@ def _extent(segments: Sequence[Segment]) -> tuple[complex, complex]:
 
 
 def _check_size(across: float, most: float, wanted: _Wanted) -> None:
-    """Refuse a plate whose size does not fit its unit; `most` is 0 when only small ones are refused."""
+    """Refuse a plate whose size does not fit its unit; `most` is 0 when only small ones are
+    refused.
+    """
     low, high = (SMALL, LARGE) if wanted.unit is None else (SMALLEST, LARGEST)
     stated = "" if wanted.unit is None else f" in {wanted.unit.name}"
     if across < low:
         raise BadInput(
-            f"{across:.3g} mm across{stated}{': inches?' if wanted.unit is None else ''}, expected {low:g} mm or more; "
-            "state the unit of its lengths (units, such as in or mm)"
+            f"{across:.3g} mm across{stated}{': inches?' if wanted.unit is None else ''}, "
+            f"expected {low:g} mm or more; state the unit of its lengths (units, such as in or mm)"
         )
     if most and across > high:
         raise BadInput(
-            f"{across:.3g} mm across{stated}{': um?' if wanted.unit is None else ''}, expected {high:g} mm or less; "
-            "state the unit of its lengths (units, such as um or mm)"
+            f"{across:.3g} mm across{stated}{': um?' if wanted.unit is None else ''}, expected "
+            f"{high:g} mm or less; state the unit of its lengths (units, such as um or mm)"
         )
 
 
@@ -208,7 +229,10 @@ def _number_of(part: int | str, found: Sorted) -> int:
         if text.lower() in {name.lower() for name in _names_of(plate, found.metal)}:
             return k
     names = dict.fromkeys(name for plate in plates for name in _names_of(plate, found.metal))
-    raise BadInput(f"part {shown(text)}, expected a number from 1 to {len(plates)} or one of {', '.join(names)}"[:300])
+    raise BadInput(
+        f"part {shown(text)}, expected a number from 1 to {len(plates)} or one of "
+        f"{', '.join(names)}"[:300]
+    )
 
 
 def _names_of(plate: DrawnPlate, curves: Sequence[DrawnCurve]) -> list[str]:
@@ -218,21 +242,29 @@ def _names_of(plate: DrawnPlate, curves: Sequence[DrawnCurve]) -> list[str]:
 
 
 def _check_plate(plate: DrawnPlate, found: Sorted, contents: Contents, wanted: _Wanted) -> None:
-    """Refuse a plate whose size does not fit its unit, or beside which a contour is open or crosses another."""
+    """Refuse a plate whose size does not fit its unit, or beside which a contour is open or crosses
+    another.
+    """
     low, high = _extent([edge.segment for edge in plate.outside])
     _check_size(max((high - low).real, (high - low).imag), 1.0, wanted)
     slack = complex(wanted.tolerance, wanted.tolerance)
 
     def overlaps(box: tuple[complex, complex]) -> bool:
-        first, last = box[0] - high - slack, box[1] - low + slack
+        first = box[0] - high - slack
+        last = box[1] - low + slack
         return max(first.real, first.imag) <= 0 <= min(last.real, last.imag)
 
     _refuse_crossing([z for z in found.regions.crossings.tolist() if overlaps((z, z))])
-    near = [chain for chain in found.regions.open if overlaps(_extent([edge.segment for edge in chain.edges]))]
+    near = [
+        chain
+        for chain in found.regions.open
+        if overlaps(_extent([edge.segment for edge in chain.edges]))
+    ]
     _refuse_open(near, found)
     if plate.touches:
         raise BadInput(
-            f"contours touch each other at {_at(plate.touches[0])}: a neck or a gap of no width, expected some width"
+            f"contours touch each other at {_at(plate.touches[0])}: a neck or a gap of no width, "
+            "expected some width"
         )
 
 
@@ -240,7 +272,9 @@ def _refuse_crossing(points: Sequence[complex]) -> None:
     """Refuse contours that cross."""
     if points:
         more = f", one of {len(points)} crossings" if len(points) > 1 else ""
-        raise BadInput(f"contours cross at {_at(points[0])}{more}, expected closed contours that do not cross")
+        raise BadInput(
+            f"contours cross at {_at(points[0])}{more}, expected closed contours that do not cross"
+        )
 
 
 def _refuse_open(chains: Sequence[OpenChain], found: Sorted) -> None:
@@ -259,10 +293,13 @@ def _refuse_open(chains: Sequence[OpenChain], found: Sorted) -> None:
     layer = found.metal[chains[0].edges[0].curve].layer
     more = f", one of {len(ends)} open ends" if len(ends) > 2 else ""
     if math.isinf(gap):
-        raise BadInput(f"a curve with an open end at {_at(one)} (layer {shown(layer)}{more}), expected closed contours")
+        raise BadInput(
+            f"a curve with an open end at {_at(one)} (layer {shown(layer)}{more}), expected "
+            "closed contours"
+        )
     raise BadInput(
-        f"a gap of {gap:.4g} mm between {_at(one)} and {_at(other)} (layer {shown(layer)}{more}), expected closed "
-        "contours, or a larger tolerance"
+        f"a gap of {gap:.4g} mm between {_at(one)} and {_at(other)} (layer {shown(layer)}{more}), "
+        "expected closed contours, or a larger tolerance"
     )
 
 
@@ -277,7 +314,9 @@ def _without_kerf(loops: list[list[Segment]], kerf: float) -> list[list[Segment]
     try:  # the path that cuts the voids is half a kerf inside the metal
         voids = cut_path(Part([reverse(loop) for loop in loops]), kerf)
     except BadInput:
-        raise BadInput(f"kerf of {kerf:g} mm, expected less than every width and radius of the metal") from None
+        raise BadInput(
+            f"kerf of {kerf:g} mm, expected less than every width and radius of the metal"
+        ) from None
     return [smoothed(reverse(loop)).loop for loop in voids.loops]
 
 
@@ -293,7 +332,9 @@ def _counted(contents: Contents) -> str:
     return ", ".join(f"{what} ({number})" for what, number in contents.left_out.most_common(8))
 
 
-def _notes(contents: Contents, found: Sorted, loops: Sequence[SmoothLoop], wanted: _Wanted) -> list[str]:
+def _notes(
+    contents: Contents, found: Sorted, loops: Sequence[SmoothLoop], wanted: _Wanted
+) -> list[str]:
     """Sentences about what was assumed, closed, merged or left out."""
     notes = [contents.unit] if contents.unit else []
     notes += contents.notes
@@ -303,7 +344,10 @@ def _notes(contents: Contents, found: Sorted, loops: Sequence[SmoothLoop], wante
     if gaps:
         notes.append(f"Gaps that were closed: {len(gaps)}, of at most {max(gaps):.3g} mm.")
     if found.network.doubles:
-        notes.append(f"Lines and arcs that are drawn more than once, and were merged: {found.network.doubles}.")
+        notes.append(
+            "Lines and arcs that are drawn more than once, and were merged: "
+            f"{found.network.doubles}."
+        )
     if found.regions.dividing:
         notes.append(f"Lines inside the metal that were left out: {len(found.regions.dividing)}.")
     if found.layers:
@@ -311,12 +355,18 @@ def _notes(contents: Contents, found: Sorted, loops: Sequence[SmoothLoop], wante
     arcs = sum(each.arcs for each in loops)
     if arcs:
         off = max(each.off for each in loops) * 1e3
-        notes.append(f"Rows of short lines that are read as arcs: {arcs}, at most {off:.2g} um off them.")
+        notes.append(
+            f"Rows of short lines that are read as arcs: {arcs}, at most {off:.2g} um off them."
+        )
     if contents.deviation > 1e-9:
         off = 1e3 * (contents.deviation + max(each.joined for each in loops))
-        notes.append(f"Splines, ellipses or Bezier curves are read as arcs, at most {off:.2g} um off.")
+        notes.append(
+            f"Splines, ellipses or Bezier curves are read as arcs, at most {off:.2g} um off."
+        )
     if wanted.kerf:
-        notes.append(f"The metal was reduced by {wanted.kerf / 2:g} mm at every edge, half the kerf.")
+        notes.append(
+            f"The metal was reduced by {wanted.kerf / 2:g} mm at every edge, half the kerf."
+        )
     return notes
 
 
@@ -326,7 +376,11 @@ def _notes_of_parts(others: Sequence[tuple[int, DrawnPlate]]) -> list[str]:
     for number, plate in others[:NAMED]:
         circle = circle_of([edge.segment for edge in plate.outside])
         where = circle[0] if circle else np.mean([edge.segment.start for edge in plate.outside])
-        what = f"a disc {2 * circle[1]:.4g} mm in diameter" if circle and not plate.holes else f"{plate.size:.4g} mm^2"
+        what = (
+            f"a disc {2 * circle[1]:.4g} mm in diameter"
+            if circle and not plate.holes
+            else f"{plate.size:.4g} mm^2"
+        )
         notes.append(f"Part {number}, {what} around {_at(complex(where))}, was left out.")
     if len(others) > NAMED:
         notes.append(f"Smaller parts that were left out: {len(others) - NAMED}.")

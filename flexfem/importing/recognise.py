@@ -19,14 +19,16 @@ from flexfem.mechanism.outlines import Segment, area, circle_of
 from flexfem.mechanism.profiles import Profile, Tabulated
 
 THIN = 2.7  # width of the narrower body per neck from which a neck is a hinge
-THICKER = 6.0  # neck per that of the thinnest hinge, from which it must be thinner compared with its bodies
+# neck per that of the thinnest hinge, from which it must be thinner compared with its bodies
+THICKER = 6.0
 THINNER = 8.0  # width of the narrower body per neck, from which such a neck is a hinge
 FLEXIBLE = 20.0  # flexibility from which a neck is a hinge in bodies less wide
 AMONG_OTHERS = 0.05  # its compliance per that of the most compliant hinge, from which it is one
 STIFF = 5.0  # flexibility up to which a neck is no hinge
 STIFF_RIM = 40.0  # the same of the rim of a round hole
 OF_PLATE = 1e-6  # of its area, by which bodies and hinges may differ from a plate
-LEAST = 0.1  # mm; a plate with a narrower neck is enlarged, so that differences of a micrometre are small in it
+# mm; a plate with a narrower neck is enlarged, so that differences of a micrometre are small in it
+LEAST = 0.1
 ON_MARK = np.linspace(0, 1, 5)  # points of a side, per length, that are on a mark
 MOST_WEAK = 60  # necks in bodies less wide, of which any can be a hinge
 MOST_FITS = 8  # of one neck that are tried
@@ -35,10 +37,10 @@ MOST_FITS = 8  # of one neck that are tried
 def recognise(drawing: Drawing) -> FoundPlate:
     """Return the bodies and hinges of the plate of a drawing.
 
-    A hinge is a place where the metal is thin compared with what it connects at both ends. What no shape of a hinge
-    reproduces within a thousandth of a millimetre, in a plate thinner than a tenth of a millimetre within a hundredth
-    of that, stays a part of a body. Bodies and hinges together are the plate.
-    """
+    A hinge is a place where the metal is thin compared with what it connects at both ends. What no
+    shape of a hinge reproduces within a thousandth of a millimetre, in a plate thinner than a tenth
+    of a millimetre within a hundredth of that, stays a part of a body. Bodies and hinges together
+    are the plate."""
     loops = [_cyclic(loop) for loop in (drawing.outside, *drawing.holes)]
     triangles = triangles_of(loops)
     between, closing = necks_of(triangles)
@@ -50,9 +52,14 @@ def recognise(drawing: Drawing) -> FoundPlate:
     edges = Edges([[resized(segment, scale) for segment in loop] for loop in loops])
     cuts, result = _settled(edges, _flexible(edges, _first(edges, between, scale)))
     if not _is_whole(edges, cuts, result):
-        cuts, result = [], divided(edges, [])
+        cuts = []
+        result = divided(edges, [])
     kept = {cut.neck.chord for cut in cuts}
-    thin = [neck for neck in (*between, *closing) if neck.chord not in kept and neck.beyond > THIN * neck.width]
+    thin = [
+        neck
+        for neck in (*between, *closing)
+        if neck.chord not in kept and neck.beyond > THIN * neck.width
+    ]
     hinges = [_hinge(cut, ends, 1 / scale) for cut, ends in zip(cuts, result.between, strict=True)]
     bodies = [_body(body, drawing, 1 / scale) for body in result.bodies]
     return FoundPlate(drawing, tuple(bodies), tuple(hinges), Paths(triangles).slender(thin))
@@ -60,7 +67,8 @@ def recognise(drawing: Drawing) -> FoundPlate:
 
 def _first(edges: Edges, necks: Sequence[Neck], scale: float) -> list[Cut]:
     """Return the first fit of each neck that is apart from those of narrower necks."""
-    room, cuts = Room(edges.loops), list[Cut]()
+    room = Room(edges.loops)
+    cuts = list[Cut]()
     for neck in sorted(necks, key=lambda neck: neck.width):
         sized = neck._replace(width=scale * neck.width, beyond=scale * neck.beyond)
         for cut in _cuts(edges, sized):
@@ -79,17 +87,25 @@ def _settled(edges: Edges, cuts: Sequence[Cut]) -> tuple[list[Cut], Divided]:
     result = divided(edges, settled)
     touching = [k for k, pair in enumerate(result.between) if NOTHING in pair]
     for k in touching:
-        shorter = map(partial(cut_of, edges, settled[k].neck), fits_of(edges.loops, settled[k].neck, low=True))
-        settled[k] = next((cut for cut in shorter if cut is not None and cut.fit.deviation <= ALLOWED), settled[k])
+        shorter = map(
+            partial(cut_of, edges, settled[k].neck), fits_of(edges.loops, settled[k].neck, low=True)
+        )
+        settled[k] = next(
+            (cut for cut in shorter if cut is not None and cut.fit.deviation <= ALLOWED), settled[k]
+        )
     result = divided(edges, settled)
-    while outside := [k for k, pair in enumerate(result.between) if pair[0] == pair[1] or NOTHING in pair]:
+    while outside := [
+        k for k, pair in enumerate(result.between) if pair[0] == pair[1] or NOTHING in pair
+    ]:
         settled = [cut for k, cut in enumerate(settled) if k not in outside]
         result = divided(edges, settled)
     return settled, result
 
 
 def _is_whole(edges: Edges, cuts: Sequence[Cut], result: Divided) -> bool:
-    """Return whether bodies and hinges have the area of the plate, but for the deviations of the edges of hinges."""
+    """Return whether bodies and hinges have the area of the plate, but for the deviations of the
+    edges of hinges.
+    """
     plate = sum(map(area, edges.loops))
     profiles = [cut.fit.profile for cut in cuts]
     parts = sum(map(_area_of, profiles))
@@ -122,21 +138,26 @@ def _area_of(profile: Profile) -> float:
 
 
 def _rotation(profile: Profile) -> float:
-    """Integral of 1 / height^3 along a profile, 1/mm^2, to which its compliance in bending is proportional."""
+    """Integral of 1 / height^3 along a profile, 1/mm^2, to which its compliance in bending is
+    proportional.
+    """
     x, weights = profile.quadrature
     return float(np.sum(weights / profile.height(x) ** 3))
 
 
 def _flexible(edges: Edges, cuts: Sequence[Cut]) -> list[Cut]:
-    """Return the hinges that are thin and flexible compared with their bodies and with the other hinges.
+    """Return the hinges that are thin and flexible compared with their bodies and with the other
+    hinges.
 
-    Flexibility is the length, per width of the body, of a bar as wide as the body that bends as much.
-    """
+    Flexibility is the length, per width of the body, of a bar as wide as the body that bends as
+    much."""
     rotations = [_rotation(cut.fit.profile) for cut in cuts]
-    most, thinnest = max(rotations, default=0.0), min((cut.neck.width for cut in cuts), default=0.0)
+    most = max(rotations, default=0.0)
+    thinnest = min((cut.neck.width for cut in cuts), default=0.0)
     kept = list[Cut]()
     for cut, rotation in zip(cuts, rotations, strict=True):
-        width, beyond = cut.neck.width, cut.neck.beyond
+        width = cut.neck.width
+        beyond = cut.neck.beyond
         flexibility = rotation * beyond**2
         is_thin = beyond > (THIN if width < THICKER * thinnest else THINNER) * width
         is_flexible = flexibility > FLEXIBLE and rotation > AMONG_OTHERS * most
@@ -161,7 +182,9 @@ def _hinge(cut: Cut, bodies: tuple[int, int], scale: float) -> FoundHinge:
         place=scale * fit.frame.place,
         heading=fit.frame.heading,
         shape=fit.shape,
-        dimensions={key: value if key == "angle" else scale * value for key, value in fit.dimensions.items()},
+        dimensions={
+            key: value if key == "angle" else scale * value for key, value in fit.dimensions.items()
+        },
         table=tuple(tuple(scale * value for value in row) for row in rows),
         deviation=scale * fit.deviation,
         smooth=table is not None and table.smooth,
@@ -174,7 +197,9 @@ def _body(body: FoundBody, drawing: Drawing, scale: float) -> FoundBody:
     outside = tuple(resized(segment, scale) for segment in body.outside)
     holes = tuple(tuple(resized(segment, scale) for segment in hole) for hole in body.holes)
     marks = [
-        mark.points for mark in drawing.marks if is_ground(mark.layer) and not mark.closed and len(mark.points) > 1
+        mark.points
+        for mark in drawing.marks
+        if is_ground(mark.layer) and not mark.closed and len(mark.points) > 1
     ]
     lines = shapely.MultiLineString([[(z.real, z.imag) for z in points] for points in marks])
     clamped = list[int]()

@@ -1,4 +1,6 @@
-"""Metal and voids between the joined curves of a drawing: closed contours, parts, and what is wrong with them; mm."""
+"""Metal and voids between the joined curves of a drawing: closed contours, parts, and what is wrong
+with them; mm.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,8 @@ class DrawnPlate(NamedTuple):
 class Regions(NamedTuple):
     """What a network of curves encloses.
 
-    plates : the largest first.   open : what is not closed.   crossings : points at which curves cross.
+    plates : the largest first.   open : what is not closed.   crossings : points at which curves
+    cross.
     dividing : edges with metal on both sides.
     """
 
@@ -57,12 +60,13 @@ class Regions(NamedTuple):
 
 
 def regions_of(network: CurveNetwork) -> Regions:
-    """Divide the plane into metal and voids: crossing a contour from outside changes from one to the other.
+    """Divide the plane into metal and voids: crossing a contour from outside changes from one to
+    the other.
 
-    Where a vertex has an odd number of edges, as at bodies that are drawn side by side, no such division exists. Then
-    the edges of least total length whose removal leaves even numbers everywhere have the same on both sides; an edge
-    that two curves share counts little, and another one at the outside is never such an edge.
-    """
+    Where a vertex has an odd number of edges, as at bodies that are drawn side by side, no such
+    division exists. Then the edges of least total length whose removal leaves even numbers
+    everywhere have the same on both sides; an edge that two curves share counts little, and another
+    one at the outside is never such an edge."""
     closed, chains = _closed_part(network)
     crossings = _crossings(closed.edges)
     if len(crossings) or not closed.edges:
@@ -74,9 +78,13 @@ def regions_of(network: CurveNetwork) -> Regions:
 
 
 def _even_part(network: CurveNetwork) -> CurveNetwork:
-    """Return a network whose vertices have even numbers of edges, where curves that cross leave no better one."""
+    """Return a network whose vertices have even numbers of edges, where curves that cross leave no
+    better one.
+    """
     removed = set(_dividing(network))
-    return network._replace(edges=[edge for k, edge in enumerate(network.edges) if k not in removed])
+    return network._replace(
+        edges=[edge for k, edge in enumerate(network.edges) if k not in removed]
+    )
 
 
 def _closed_part(network: CurveNetwork) -> tuple[CurveNetwork, list[OpenChain]]:
@@ -103,7 +111,9 @@ def _closed_part(network: CurveNetwork) -> tuple[CurveNetwork, list[OpenChain]]:
     for members in _components(taken, len(network.points)):
         loose = {v for edge in members for v in (edge.start, edge.end) if v in ends}
         chains.append(OpenChain(tuple(complex(network.points[v]) for v in sorted(loose)), members))
-    return network._replace(edges=[edge for k, edge in enumerate(network.edges) if k not in removed]), chains
+    return network._replace(
+        edges=[edge for k, edge in enumerate(network.edges) if k not in removed]
+    ), chains
 
 
 def _components(edges: Sequence[Edge], size: int) -> list[list[Edge]]:
@@ -123,9 +133,8 @@ def _components(edges: Sequence[Edge], size: int) -> list[list[Edge]]:
 def _crossings(edges: Sequence[Edge]) -> AnyArray:
     """Points (n,) at which edges cross away from their ends; curves that only touch do not cross.
 
-    A point counts when its distances from the four ends, times the sine of the angle of crossing, exceed twice `SNAP`:
-    this is how far the curves reach beyond each other.
-    """
+    A point counts when its distances from the four ends, times the sine of the angle of crossing,
+    exceed twice `SNAP`: this is how far the curves reach beyond each other."""
     shapes = Shapes([edge.segment for edge in edges])
     pairs = shapes.overlapping()
     found = [np.empty(0, dtype=complex)]
@@ -139,20 +148,27 @@ def _crossings(edges: Sequence[Edge]) -> AnyArray:
 def _common_points(shapes: Shapes, one: AnyArray, other: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Two common points (n,) of lines and circles of pairs of segments, nan where there are none."""
     swapped = shapes.curved[one] & ~shapes.curved[other]
-    line, round_ = np.where(swapped, other, one), np.where(swapped, one, other)  # lines first
-    start, ahead = shapes.start[line], shapes.end[line] - shapes.start[line]
-    centre, radius = shapes.centre[round_], shapes.radius[round_]
+    line = np.where(swapped, other, one)
+    round_ = np.where(swapped, one, other)  # lines first
+    start = shapes.start[line]
+    ahead = shapes.end[line] - shapes.start[line]
+    centre = shapes.centre[round_]
+    radius = shapes.radius[round_]
     with np.errstate(invalid="ignore", divide="ignore"):
         both = shapes.curved[line]
         apart = shapes.centre[round_] - shapes.centre[line]
-        along = (shapes.radius[line] ** 2 - radius**2 + np.abs(apart) ** 2) / (2 * np.abs(apart) ** 2)
+        along = (shapes.radius[line] ** 2 - radius**2 + np.abs(apart) ** 2) / (
+            2 * np.abs(apart) ** 2
+        )
         start = np.where(both, shapes.centre[line] + apart * along, start)
         ahead = np.where(both, 1j * apart, ahead)
         unit = ahead / np.abs(ahead)
         foot = start + unit * ((centre - start) * np.conj(unit)).real
         half = unit * np.sqrt(radius**2 - np.abs(foot - centre) ** 2)
         of_lines = shapes.end[round_] - shapes.start[round_]
-        share = (np.conj(shapes.start[round_] - start) * of_lines).imag / (np.conj(ahead) * of_lines).imag
+        share = (np.conj(shapes.start[round_] - start) * of_lines).imag / (
+            np.conj(ahead) * of_lines
+        ).imag
         straight = ~shapes.curved[round_]
         crossing = start + ahead * share
     nowhere = complex(np.nan, np.nan)
@@ -160,13 +176,17 @@ def _common_points(shapes: Shapes, one: AnyArray, other: AnyArray) -> tuple[AnyA
 
 
 def _beyond(shapes: Shapes, one: AnyArray, other: AnyArray, points: AnyArray) -> Array:
-    """Return how far (n,) pairs of segments reach beyond each other at their common points, mm, 0 elsewhere."""
+    """Return how far (n,) pairs of segments reach beyond each other at their common points, mm, 0
+    elsewhere.
+    """
     reach = np.full(len(points), np.inf)
     directions = list[AnyArray]()
     with np.errstate(invalid="ignore", divide="ignore"):
         for which in (one, other):
             shares, _ = shapes.projected(which, points)
-            ends = np.minimum(np.abs(points - shapes.start[which]), np.abs(points - shapes.end[which]))
+            ends = np.minimum(
+                np.abs(points - shapes.start[which]), np.abs(points - shapes.end[which])
+            )
             reach = np.where((shares > 0) & (shares < 1), np.minimum(reach, ends), 0.0)
             spoke = 1j * (points - shapes.centre[which])
             ahead = np.where(shapes.curved[which], spoke, shapes.end[which] - shapes.start[which])
@@ -179,7 +199,9 @@ def _beyond(shapes: Shapes, one: AnyArray, other: AnyArray, points: AnyArray) ->
 
 
 def _dividing(network: CurveNetwork) -> list[int]:
-    """Return indices of the edges of least weight without which every vertex has an even number of edges."""
+    """Return indices of the edges of least weight without which every vertex has an even number of
+    edges.
+    """
     odd = np.flatnonzero(network.degrees() % 2)
     if not len(odd):
         return []
@@ -194,7 +216,10 @@ def _dividing(network: CurveNetwork) -> list[int]:
     columns = np.concatenate([of_paths, len(paths) + np.arange(len(vertices))])
     values = np.array([1.0] * (2 * len(paths)) + [-2.0] * len(vertices))
     matrix = coo_matrix((values, (rows, columns)), shape=(len(vertices), len(weights))).tocsr()
-    most = np.array([0.0 if outer & set(path.edges) else 1.0 for path in paths] + [float(len(paths))] * len(vertices))
+    most = np.array(
+        [0.0 if outer & set(path.edges) else 1.0 for path in paths]
+        + [float(len(paths))] * len(vertices)
+    )
     answer = milp(
         weights,
         integrality=np.ones(len(weights)),
@@ -205,10 +230,12 @@ def _dividing(network: CurveNetwork) -> list[int]:
     if answer.x is None:
         place = complex(network.points[odd[0]])
         raise BadInput(
-            f"metal and voids cannot be told apart at {place.real:.4g}, {place.imag:.4g}, where an odd number of lines "
-            "meet, expected closed contours"
+            f"metal and voids cannot be told apart at {place.real:.4g}, {place.imag:.4g}, where "
+            "an odd number of lines meet, expected closed contours"
         )
-    return sorted(k for path, taken in zip(paths, answer.x, strict=False) if taken > 0.5 for k in path.edges)
+    return sorted(
+        k for path, taken in zip(paths, answer.x, strict=False) if taken > 0.5 for k in path.edges
+    )
 
 
 class _Path(NamedTuple):
@@ -220,7 +247,9 @@ class _Path(NamedTuple):
 
 
 def _paths(network: CurveNetwork) -> list[_Path]:
-    """Return the paths between vertices at which more than two edges meet; those of plain loops are left out."""
+    """Return the paths between vertices at which more than two edges meet; those of plain loops are
+    left out.
+    """
     degrees = network.degrees()
     at = defaultdict[int, list[int]](list)
     for k, edge in enumerate(network.edges):
@@ -232,14 +261,19 @@ def _paths(network: CurveNetwork) -> list[_Path]:
         for k in at[first]:
             if k in done:
                 continue
-            taken, vertex = list[int](), first
+            taken = list[int]()
+            vertex = first
             following: int | None = k
             while following is not None:
                 done.add(following)
                 taken.append(following)
                 edge = network.edges[following]
                 vertex = edge.end if edge.start == vertex else edge.start
-                ahead = [each for each in at[vertex] if each not in done] if degrees[vertex] == 2 else []
+                ahead = (
+                    [each for each in at[vertex] if each not in done]
+                    if degrees[vertex] == 2
+                    else []
+                )
                 following = ahead[0] if ahead else None
             lengths = ((network.edges[e].segment.length, network.edges[e].times) for e in taken)
             weight = sum(length * (DOUBLED if count > 1 else 1.0) for length, count in lengths)
@@ -253,7 +287,9 @@ def _at_outside(network: CurveNetwork) -> set[int]:
     for orbit in _orbits(network):
         if area([half.segment for half in orbit]) < 0:
             times = Counter(half.place for half in orbit)
-            outer |= {k for k, number in times.items() if number == 1 and network.edges[k].times == 1}
+            outer |= {
+                k for k, number in times.items() if number == 1 and network.edges[k].times == 1
+            }
     return outer
 
 
@@ -286,7 +322,9 @@ def _orbits(network: CurveNetwork) -> list[list[_Half]]:
     for k, edge in enumerate(network.edges):
         leaving[edge.start].append(_Half(k, edge, True))
         leaving[edge.end].append(_Half(k, edge, False))
-    before = dict[tuple[int, bool], _Half]()  # by the half that arrives: the one that leaves with the same face
+    before = dict[
+        tuple[int, bool], _Half
+    ]()  # by the half that arrives: the one that leaves with the same face
     for halves in leaving.values():
         ordered = _in_order(halves)
         for half, following in zip(ordered[1:] + ordered[:1], ordered, strict=True):
@@ -304,12 +342,19 @@ def _orbits(network: CurveNetwork) -> list[list[_Half]]:
 
 
 def _in_order(halves: list[_Half]) -> list[_Half]:
-    """Sort what leaves a vertex counter-clockwise, by a point so near that curves which touch there are apart."""
+    """Sort what leaves a vertex counter-clockwise, by a point so near that curves which touch there
+    are apart.
+    """
     if len(halves) < 3:
         return halves
     segments = [half.segment for half in halves]
     near = min(each.length / 2 for each in segments)
-    near = min([near, *(0.2 * abs(each.start - each.centre) for each in segments if each.centre is not None)])
+    near = min(
+        [
+            near,
+            *(0.2 * abs(each.start - each.centre) for each in segments if each.centre is not None),
+        ]
+    )
     angles = [cmath.phase(complex(each.at(near / each.length)) - each.start) for each in segments]
     return [halves[k] for k in np.argsort(angles)]
 
@@ -329,7 +374,9 @@ def _polygon(orbit: Sequence[_Half]) -> shapely.Polygon:
 
 
 def _plates(network: CurveNetwork) -> list[DrawnPlate]:
-    """Return the metal: faces with an odd number of contours between them and the outside, the largest first."""
+    """Return the metal: faces with an odd number of contours between them and the outside, the
+    largest first.
+    """
     orbits = _orbits(network)
     areas = [area([half.segment for half in orbit]) for orbit in orbits]
     orbit_of = {(half.place, half.forwards): k for k, orbit in enumerate(orbits) for half in orbit}
@@ -358,7 +405,11 @@ def _plates(network: CurveNetwork) -> list[DrawnPlate]:
             at = {half.start for loop in loops for half in loop if degrees[half.start] > 2}
             touches = tuple(complex(network.points[v]) for v in sorted(at))
             outside, *inside = [[_directed(half) for half in loop] for loop in loops]
-            plates.append(DrawnPlate(outside, inside, areas[k] + sum(areas[each] for each in holes[k]), touches))
+            plates.append(
+                DrawnPlate(
+                    outside, inside, areas[k] + sum(areas[each] for each in holes[k]), touches
+                )
+            )
     return sorted(plates, key=lambda plate: -plate.size)
 
 
@@ -369,7 +420,9 @@ def _directed(half: _Half) -> Edge:
 def _around(
     network: CurveNetwork, orbits: list[list[_Half]], areas: list[float], inner: list[int]
 ) -> dict[int, int | None]:
-    """Return, by the outer orbit of each connected part, the smallest face of another part that it lies in."""
+    """Return, by the outer orbit of each connected part, the smallest face of another part that it
+    lies in.
+    """
     outer = [k for k, size in enumerate(areas) if size <= 0]
     around: dict[int, int | None] = dict.fromkeys(outer)
     if not inner:
@@ -382,7 +435,8 @@ def _around(
     places = shapely.points([z.real for z in starts], [z.imag for z in starts])
     tree = shapely.STRtree([_polygon(orbits[k]) for k in inner])
     for i, j in tree.query(places, predicate="within").T.tolist():
-        k, face = outer[i], inner[j]
+        k = outer[i]
+        face = inner[j]
         current = around[k]
         other = part[orbits[face][0].start] != part[orbits[k][0].start]
         if other and (current is None or areas[face] < areas[current]):

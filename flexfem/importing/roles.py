@@ -1,4 +1,6 @@
-"""Ground, output and actuators of a plate that was found in a drawing: by marks, by points, else by a stated rule."""
+"""Ground, output and actuators of a plate that was found in a drawing: by marks, by points, else by
+a stated rule.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +20,14 @@ from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
 from flexfem.refused import BadInput
 
 FINE = np.pi / 256  # rad of arc per vertex of a polygon in which points are looked up
-AT_EDGE = 0.02  # mm, and per extent of the plate below: distance of a point from an edge that it means
+AT_EDGE = (
+    0.02  # mm, and per extent of the plate below: distance of a point from an edge that it means
+)
 AT_EDGE_SHARE = 1e-3
-CONTACT, WIDEST = 1 / 20, 1 / 5  # radius of the output on a clamped body, and the largest one, per its extent
-SAME = 0.9  # of the area of two contours together that both enclose, above which a contour is that of a body
+CONTACT = 1 / 20
+WIDEST = 1 / 5  # radius of the output on a clamped body, and the largest one, per its extent
+# of the area of two contours together that both enclose, above which a contour is that of a body
+SAME = 0.9
 COVERED = 0.5  # of the area of a body within a contour, above which it is marked
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 POINT = re.compile(rf"\s*({NUMBER})\s*(?:mm)?\s*,\s*({NUMBER})\s*(?:mm)?\s*")
@@ -38,8 +44,10 @@ class PushedPoints(NamedTuple):
 class Roles(NamedTuple):
     """What the bodies of a plate are for.
 
-    fixed : indices of bodies that are rigid ground.   clamped : by elastic body, segments of its outline.
-    output, at : body whose pose is read, and the point.   contact : mm, radius around it; None for the whole body.
+    fixed : indices of bodies that are rigid ground.   clamped : by elastic body, segments of its
+    outline.
+    output, at : body whose pose is read, and the point.   contact : mm, radius around it; None for
+    the whole body.
     sources : why, by "ground" and "output", for provenance.
     """
 
@@ -55,7 +63,8 @@ class Roles(NamedTuple):
 class Wishes(NamedTuple):
     """What the user states about the parts of a drawing; points in mm.
 
-    ground : points of bodies that are rigid ground, or on edges at which an elastic body is clamped.
+    ground : points of bodies that are rigid ground, or on edges at which an elastic body is
+    clamped.
     output : point of the body that is the output.   pose : point at which its pose is read.
     clamp_holes : whether bodies with round holes are ground.
     actuators : pairs of points and the stack between them, "" for an assumed one.
@@ -69,7 +78,9 @@ class Wishes(NamedTuple):
 
 
 def point_of(name: str, text: Any) -> complex:
-    """Return a point from a text such as 12.5,-3 or from two numbers. Raises BadInput with the name of the option."""
+    """Return a point from a text such as 12.5,-3 or from two numbers. Raises BadInput with the name
+    of the option.
+    """
     if isinstance(text, str) and (found := POINT.fullmatch(text)):
         return complex(float(found[1]), float(found[2]))
     if not isinstance(text, str):
@@ -87,18 +98,24 @@ def actuator_of(name: str, text: Any) -> tuple[complex, complex, str]:
     second = POINT.match(rest)
     stack = rest[second.end() :].lstrip(",").strip() if second else ""
     if not colon or second is None:
-        raise BadInput(f"{name} {shown(text)}, expected two points and perhaps a stack, such as 0,0:20,0,AE0505D16")
+        raise BadInput(
+            f"{name} {shown(text)}, expected two points and perhaps a stack, such as "
+            "0,0:20,0,AE0505D16"
+        )
     points = point_of(name, first), point_of(name, second[0])
     if points[0] == points[1]:
-        raise BadInput(f"{name} {shown(text)}, expected two different points, which give the direction of the force")
+        raise BadInput(
+            f"{name} {shown(text)}, expected two different points, which give the direction of "
+            "the force"
+        )
     return *points, stack
 
 
 def roles_of(found: FoundPlate, wishes: Wishes) -> Roles:
     """Return what the bodies of a plate are for.
 
-    Raises BadInput for a point off the plate, a plate without hinges and ground, or ground without a body that moves.
-    """
+    Raises BadInput for a point off the plate, a plate without hinges and ground, or ground without
+    a body that moves."""
     return _Assignment(found, wishes).roles()
 
 
@@ -106,7 +123,8 @@ class _Assignment:
     """The bodies of a plate as polygons, and the search for their roles."""
 
     def __init__(self, found: FoundPlate, wishes: Wishes) -> None:
-        self.found, self.wishes = found, wishes
+        self.found = found
+        self.wishes = wishes
         self.place = place_of(found.drawing.path)
         self.polygons = [body_shape(body) for body in found.bodies]
         left, low, right, high = shapely.total_bounds(self.polygons)
@@ -119,7 +137,9 @@ class _Assignment:
         fixed, clamped = self._ground()
         output, at = self._output(fixed, clamped)
         contact = self._contact(output, at) if output in clamped else None
-        return Roles(tuple(sorted(fixed)), clamped, output, at, contact, self._actuators(), self.sources)
+        return Roles(
+            tuple(sorted(fixed)), clamped, output, at, contact, self._actuators(), self.sources
+        )
 
     def _ground(self) -> tuple[set[int], dict[int, tuple[int, ...]]]:
         if self.wishes.ground:
@@ -132,14 +152,18 @@ class _Assignment:
         if self.wishes.clamp_holes:
             fixed = {k for k, body in enumerate(self.found.bodies) if _screws(body)}
             if not fixed:
-                raise BadInput(f"{self.place}: no body with a round hole, expected no --clamp-holes, or --ground X,Y")
+                raise BadInput(
+                    f"{self.place}: no body with a round hole, expected no --clamp-holes, or "
+                    "--ground X,Y"
+                )
             self.sources["ground"] = "stated with the import: the bodies with round holes"
             return fixed, {}
         if not self.found.hinges:
             left, low, right, high = self.bounds
             raise BadInput(
-                f"{self.place}: no hinges were found, expected --ground X,Y with a point on the edge that is clamped; "
-                f"the plate lies between {left:.5g},{low:.5g} and {right:.5g},{high:.5g} mm"
+                f"{self.place}: no hinges were found, expected --ground X,Y with a point on the "
+                f"edge that is clamped; the plate lies between {left:.5g},{low:.5g} and "
+                f"{right:.5g},{high:.5g} mm"
             )
         around = [k for k, polygon in enumerate(self.polygons) if self._covers_plate(polygon)]
         if around:
@@ -152,7 +176,8 @@ class _Assignment:
         return {int(np.argmax([polygon.area for polygon in self.polygons]))}, {}
 
     def _stated_ground(self) -> tuple[set[int], dict[int, tuple[int, ...]]]:
-        fixed, clamped = set[int](), dict[int, tuple[int, ...]]()
+        fixed = set[int]()
+        clamped = dict[int, tuple[int, ...]]()
         for point in self.wishes.ground:
             body, segment = self._edge_at("ground", point)
             if segment is None:
@@ -162,8 +187,8 @@ class _Assignment:
         if both := fixed & clamped.keys():
             point = self.polygons[min(both)].representative_point()
             raise BadInput(
-                f"{self.place}: ground both in the body around {point.x:.4g},{point.y:.4g} and on an edge of it, "
-                "expected one of the two"
+                f"{self.place}: ground both in the body around {point.x:.4g},{point.y:.4g} and on "
+                "an edge of it, expected one of the two"
             )
         return fixed, clamped
 
@@ -190,22 +215,34 @@ class _Assignment:
         for mark in self.found.drawing.marks:
             marked = self._marked(mark) & set(moving) if is_output(mark.layer) else set()
             if marked:
-                self.sources["output"] = f"read from {self.found.drawing.path.name}, layer {mark.layer}"
+                self.sources["output"] = (
+                    f"read from {self.found.drawing.path.name}, layer {mark.layer}"
+                )
                 return min(marked), _middle(mark)
         depth = self._depths(fixed | clamped.keys())
-        joined = [sum(k in hinge.bodies for hinge in self.found.hinges) for k in range(len(self.polygons))]
+        joined = [
+            sum(k in hinge.bodies for hinge in self.found.hinges) for k in range(len(self.polygons))
+        ]
         body = max(moving, key=lambda k: (depth[k], joined[k], self.polygons[k].area))
-        self.sources["output"] = "assumed: the centre of the body with the most hinges between it and the ground"
+        self.sources["output"] = (
+            "assumed: the centre of the body with the most hinges between it and the ground"
+        )
         centre = self.polygons[body].centroid
         return body, complex(round(centre.x, 4), round(centre.y, 4)) + 0j
 
     def _contact(self, body: int, at: complex) -> float:
-        """Return the radius of the output on a body that is clamped itself: half the edge that it is on, or a part."""
+        """Return the radius of the output on a body that is clamped itself: half the edge that it
+        is on, or a part.
+        """
         left, low, right, high = self.polygons[body].bounds
         lines = [_line(segment) for segment in self.found.bodies[body].outside]
         edge = min(lines, key=lambda line: shapely.distance(line, _dot(at)))
         extent = math.hypot(right - left, high - low)
-        radius = shapely.length(edge) / 2 if shapely.distance(edge, _dot(at)) <= self.near else CONTACT * extent
+        radius = (
+            shapely.length(edge) / 2
+            if shapely.distance(edge, _dot(at)) <= self.near
+            else CONTACT * extent
+        )
         return round(float(min(radius, WIDEST * extent)), 4)
 
     def _stated_output(self, point: complex, moving: Sequence[int]) -> int:
@@ -214,8 +251,13 @@ class _Assignment:
             return body
         gaps = self._distances(point)
         if np.min(gaps) <= self.near:
-            raise BadInput(f"output {_said(point)}: this point is on the ground, expected a body that moves")
-        raise BadInput(f"output {_said(point)}: {np.min(gaps):.3g} mm from the plate, expected a point of a body")
+            raise BadInput(
+                f"output {_said(point)}: this point is on the ground, expected a body that moves"
+            )
+        raise BadInput(
+            f"output {_said(point)}: {np.min(gaps):.3g} mm from the plate, expected a point of a "
+            "body"
+        )
 
     def _at(self, point: complex, bodies: Sequence[int]) -> int | None:
         """Return which of the bodies a point is in, or in whose hole; None without one."""
@@ -223,7 +265,11 @@ class _Assignment:
         inside = [k for k in bodies if gaps[k] <= self.near]
         if inside:
             return min(inside, key=lambda k: gaps[k])
-        filled = [k for k in bodies if any(ring.contains(_dot(point)) for ring in _filled(self.polygons[k]))]
+        filled = [
+            k
+            for k in bodies
+            if any(ring.contains(_dot(point)) for ring in _filled(self.polygons[k]))
+        ]
         return min(filled, key=lambda k: self.polygons[k].area, default=None)
 
     def _actuators(self) -> tuple[PushedPoints, ...]:
@@ -232,8 +278,8 @@ class _Assignment:
             bodies = [self._pushed(point) for point in (first, second)]
             if bodies[1] < 0:
                 raise BadInput(
-                    f"actuator at {_said(second)}: {np.min(self._distances(second)):.3g} mm from the plate, expected "
-                    "a point of the body that is pushed as the second one"
+                    f"actuator at {_said(second)}: {np.min(self._distances(second)):.3g} mm from "
+                    "the plate, expected a point of the body that is pushed as the second one"
                 )
             found.append(PushedPoints((first, second), (bodies[0], bodies[1]), stack))
         return tuple(found)
@@ -249,8 +295,8 @@ class _Assignment:
         body = int(np.argmin(gaps))
         if gaps[body] > self.near:
             raise BadInput(
-                f"{option} {_said(point)}: {gaps[body]:.3g} mm from the nearest body, expected a point in a body, "
-                "which is then fixed, or on an edge, which is then clamped"
+                f"{option} {_said(point)}: {gaps[body]:.3g} mm from the nearest body, expected a "
+                "point in a body, which is then fixed, or on an edge, which is then clamped"
             )
         ends = [_line(hinge_end) for hinge_end in self._hinge_ends(body)]
         edges = [_line(segment) for segment in self.found.bodies[body].outside]
@@ -265,23 +311,33 @@ class _Assignment:
         for segment in self.found.bodies[body].outside:
             for hinge in self.found.hinges:
                 half = hinge.dimensions.get("length", 0.0)
-                if body in hinge.bodies and abs(complex(segment.at(0.5)) - hinge.place) < half / 2 * (1 + 1e-6):
+                if body in hinge.bodies and abs(
+                    complex(segment.at(0.5)) - hinge.place
+                ) < half / 2 * (1 + 1e-6):
                     found.append(segment)
         return found
 
     def _marked(self, mark: DrawnMark) -> set[int]:
-        """Return the bodies that a mark is for: a point in one, or a contour of one, around some or in one of them."""
+        """Return the bodies that a mark is for: a point in one, or a contour of one, around some or
+        in one of them.
+        """
         if len(mark.points) == 1:
             at = self._at(mark.points[0], range(len(self.polygons)))
             return set() if at is None else {at}
         if not mark.closed or len(mark.points) < 3:
             return set()
         marked = shapely.buffer(shapely.Polygon([(z.real, z.imag) for z in mark.points]), 0)
-        alike = [max(_alike(marked, ring) for ring in _filled(polygon)) for polygon in self.polygons]
+        alike = [
+            max(_alike(marked, ring) for ring in _filled(polygon)) for polygon in self.polygons
+        ]
         if max(alike) > SAME:
             return {int(np.argmax(alike))}
-        shared = np.array([shapely.area(shapely.intersection(marked, polygon)) for polygon in self.polygons])
-        covered = np.flatnonzero(shared > COVERED * np.array([polygon.area for polygon in self.polygons]))
+        shared = np.array(
+            [shapely.area(shapely.intersection(marked, polygon)) for polygon in self.polygons]
+        )
+        covered = np.flatnonzero(
+            shared > COVERED * np.array([polygon.area for polygon in self.polygons])
+        )
         if len(covered) and len(covered) < len(self.polygons):
             return set(covered.tolist())
         return {int(np.argmax(shared))} if np.max(shared) > 0 else set()
@@ -314,7 +370,9 @@ class _Assignment:
 
 def body_shape(body: FoundBody) -> Any:
     """Return the polygon of a body."""
-    return shapely.Polygon(polygon_points(body.outside, FINE), [polygon_points(hole, FINE) for hole in body.holes])
+    return shapely.Polygon(
+        polygon_points(body.outside, FINE), [polygon_points(hole, FINE) for hole in body.holes]
+    )
 
 
 def _filled(polygon: Any) -> list[Any]:
@@ -324,7 +382,9 @@ def _filled(polygon: Any) -> list[Any]:
 
 def _alike(one: Any, other: Any) -> float:
     """Return the common area of two polygons per area of both together."""
-    return float(shapely.area(shapely.intersection(one, other)) / shapely.area(shapely.union(one, other)))
+    return float(
+        shapely.area(shapely.intersection(one, other)) / shapely.area(shapely.union(one, other))
+    )
 
 
 def _middle(mark: DrawnMark) -> complex:

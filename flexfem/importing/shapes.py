@@ -1,4 +1,6 @@
-"""Shapes of hinges fitted to the edges of a plate on both sides of a neck: the simplest one that reproduces them."""
+"""Shapes of hinges fitted to the edges of a plate on both sides of a neck: the simplest one that
+reproduces them.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,16 @@ from flexfem.importing.strips import (
     without_flanks,
 )
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.profiles import BadDimension, Bezier, Curve, Ellipse, Profile, Tabulated, mapped, profile_of
+from flexfem.mechanism.profiles import (
+    BadDimension,
+    Bezier,
+    Curve,
+    Ellipse,
+    Profile,
+    Tabulated,
+    mapped,
+    profile_of,
+)
 
 ALLOWED = 1e-3  # mm, largest distance of the edge of a shape from the drawn one
 TABLE = 5e-5  # mm, the same of a table between its rows
@@ -39,14 +50,17 @@ SHORT_LEAF = 12.0  # length per neck up to which a leaf with fillets is a fillet
 BENT = 1.5  # height per neck, up to which the middle of the metal must follow the axis
 STEEPEST = 0.15  # slope of the middle of the metal there
 LOW = 4.0  # height of the ends of a low table per neck
-MOSTLY = 0.5  # of the length of a profile with flanks, above which the leaf between them is the hinge
+MOSTLY = (
+    0.5  # of the length of a profile with flanks, above which the leaf between them is the hinge
+)
 DIGITS = 10  # of headings, rad, that are alike
 ALIKE = 1e-9  # rad, between directions that are one
 NEARLY_UPRIGHT = math.radians(80.0)  # slope at which a table ends
 
 
 class Fit(NamedTuple):
-    """A profile in its frame, whose place is its centre, and its largest distance from the drawn edge, mm.
+    """A profile in its frame, whose place is its centre, and its largest distance from the drawn
+    edge, mm.
 
     dimensions : by the key of a mechanism file without its unit; angles in degrees.
     """
@@ -60,7 +74,8 @@ class Fit(NamedTuple):
 
 
 def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck, low: bool = False) -> Iterator[Fit]:
-    """Yield the fits of a hinge at a neck, the simplest shape first, each in the frame in which it fits best.
+    """Yield the fits of a hinge at a neck, the simplest shape first, each in the frame in which it
+    fits best.
 
     With `low`, only tables that end where the metal is a few times as high as the neck.
     """
@@ -72,7 +87,11 @@ def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck, low: bool = False) -
     evens = [strip for strip in whole if _is_even(strip)]
     flanked = [*filter(None, map(_table, evens))]
     leaves = [*_best_shapes(short)]
-    yield from (fit for fit in leaves if not flanked or fit.profile.length > MOSTLY * flanked[0].profile.length)
+    yield from (
+        fit
+        for fit in leaves
+        if not flanked or fit.profile.length > MOSTLY * flanked[0].profile.length
+    )
     yield from flanked
     yield from leaves
     yield from filter(None, map(_table, [*short, *whole]))
@@ -80,14 +99,17 @@ def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck, low: bool = False) -
 
 def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip], list[Strip]]:
     """Return the edges at a neck in all frames that they suggest: whole, and without flanks."""
-    whole, short = list[Strip](), list[Strip]()
+    whole = list[Strip]()
+    short = list[Strip]()
     roughs = _roughs(loops, neck)
     frames = dict[float, Axis]()
     for frame in (*(one for rough in roughs for one in _suggested(loops, neck, rough)), *roughs):
         frames.setdefault(round(frame.heading, DIGITS), frame)
     for frame in frames.values():
         ways = ways_of(loops, neck, frame)
-        strip = strip_of(ways, frame) or strip_of(ways := ways_of(loops, neck, frame, math.pi), frame)
+        strip = strip_of(ways, frame) or strip_of(
+            ways := ways_of(loops, neck, frame, math.pi), frame
+        )
         if strip is None:
             continue
         whole.append(strip)
@@ -98,19 +120,28 @@ def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip]
 
 
 def _roughs(loops: Sequence[Sequence[Segment]], neck: Neck) -> list[Axis]:
-    """Return the frames in the middle of a chord, along the mean direction of both edges and at right angles to it."""
-    right, left = ((loops[place.loop][place.segment], place.share) for place in (neck.right, neck.left))
-    start, end = complex(right[0].at(right[1])), complex(left[0].at(left[1]))
+    """Return the frames in the middle of a chord, along the mean direction of both edges and at
+    right angles to it.
+    """
+    right, left = (
+        (loops[place.loop][place.segment], place.share) for place in (neck.right, neck.left)
+    )
+    start = complex(right[0].at(right[1]))
+    end = complex(left[0].at(left[1]))
     across = (end - start) / abs(end - start)
     ahead = complex(right[0].tangent(right[1])) - complex(left[0].tangent(left[1]))
     directions = [-1j * across]
-    if (ahead * (-1j * across).conjugate()).real > 0.5 and abs(cmath.phase(ahead / directions[0])) > ALIKE:
+    if (ahead * (-1j * across).conjugate()).real > 0.5 and abs(
+        cmath.phase(ahead / directions[0])
+    ) > ALIKE:
         directions.insert(0, ahead)
     return [Axis((start + end) / 2, cmath.phase(direction)) for direction in directions]
 
 
 def _suggested(loops: Sequence[Sequence[Segment]], neck: Neck, rough: Axis) -> Iterator[Axis]:
-    """Yield frames by parallel lines, by the centres of two arcs, by one line, and by the ends of both edges."""
+    """Yield frames by parallel lines, by the centres of two arcs, by one line, and by the ends of
+    both edges.
+    """
     strip = strip_of(ways_of(loops, neck, rough), rough)
     if strip is None:
         return
@@ -131,7 +162,9 @@ def _suggested(loops: Sequence[Sequence[Segment]], neck: Neck, rough: Axis) -> I
 
 def _flattest_line(edge: Sequence[Segment]) -> Segment | None:
     """Return the longest line of an edge that is nearly along the axis."""
-    lines = [one for one in edge if one.centre is None and abs(cmath.phase(one.end - one.start)) < 0.2]
+    lines = [
+        one for one in edge if one.centre is None and abs(cmath.phase(one.end - one.start)) < 0.2
+    ]
     return max(lines, key=lambda one: one.length, default=None)
 
 
@@ -139,7 +172,9 @@ def _lowest_arcs(edge: Sequence[Segment]) -> list[Segment]:
     """Return the arcs of an edge at its lowest point."""
     lowest = min(complex(one.at(share)).imag for one in edge for share in (0.0, 0.5, 1.0))
     arcs = [one for one in edge if one.centre is not None and one.turn > 0]
-    return [one for one in arcs if min(one.start.imag, one.end.imag) < lowest + CLOSE][:2] or arcs[:1]
+    return [one for one in arcs if min(one.start.imag, one.end.imag) < lowest + CLOSE][:2] or arcs[
+        :1
+    ]
 
 
 def _best_shapes(strips: Sequence[Strip]) -> Iterator[Fit]:
@@ -151,7 +186,9 @@ def _best_shapes(strips: Sequence[Strip]) -> Iterator[Fit]:
     for strip in strips:
         for order, fit in _shapes(strip):
             key = (order, fit.side)
-            if fit.deviation <= ALLOWED and (key not in found or fit.deviation < found[key].deviation):
+            if fit.deviation <= ALLOWED and (
+                key not in found or fit.deviation < found[key].deviation
+            ):
                 found[key] = fit
     for key in sorted(found, key=lambda key: key[0]):
         yield found[key]
@@ -161,8 +198,8 @@ class _Notch(NamedTuple):
     """What the dimensions of all shapes follow from; mm, rad.
 
     centre : of the hinge, in the frame of the strip.   side : of a hinge with one notch.
-    root : radius of the arc at the neck, 0 without one.   flank : slope of a straight edge at the ends.
-    """
+    root : radius of the arc at the neck, 0 without one.   flank : slope of a straight edge at the
+    ends."""
 
     centre: complex
     length: float
@@ -182,15 +219,21 @@ def _shapes(strip: Strip) -> Iterator[tuple[int, Fit]]:
 
 
 def _fit(strip: Strip, notch: _Notch, shape: str, dimensions: dict[str, float]) -> Fit:
-    inside = {key: math.radians(value) if key == "angle" else value for key, value in dimensions.items()}
+    inside = {
+        key: math.radians(value) if key == "angle" else value for key, value in dimensions.items()
+    }
     profile = profile_of(shape, inside | ({"side": notch.side} if notch.side else {}))
     frame = Axis(strip.frame.out(notch.centre), strip.frame.heading)
-    return Fit(profile, shape, dimensions, frame, _deviation(strip, profile, notch.centre), notch.side)
+    return Fit(
+        profile, shape, dimensions, frame, _deviation(strip, profile, notch.centre), notch.side
+    )
 
 
 def _candidates(notch: _Notch) -> Iterator[tuple[str, dict[str, float]]]:
     """Yield shapes with the dimensions of a notch, by the keys of a mechanism file."""
-    length, neck, depth = notch.length, notch.neck, notch.depth
+    length = notch.length
+    neck = notch.neck
+    depth = notch.depth
     if depth < EXACT:
         yield "leaf", {"length": length, "neck": neck}
         return
@@ -212,15 +255,21 @@ def _notches(strip: Strip) -> Iterator[_Notch]:
     if np.ptp(low) > CLOSE or np.ptp(high) > CLOSE:
         return
     middle = float(low.mean() + high.mean()) / 2
-    lowest = np.array([height_at(edge, np.array([middle]))[0] for edge in (strip.left, strip.right)])
-    neck, length = float(lowest.sum()), float(high.mean() - low.mean())
+    lowest = np.array(
+        [height_at(edge, np.array([middle]))[0] for edge in (strip.left, strip.right)]
+    )
+    neck = float(lowest.sum())
+    length = float(high.mean() - low.mean())
     depths = rises - lowest[:, None]
     if neck <= 0 or np.ptp(depths, axis=1).max() > 2 * ALLOWED:
         return
     if abs(depths[0].mean() - depths[1].mean()) < 2 * ALLOWED:
-        root, flank = _root(strip.left, middle), _flank(strip.left)
+        root = _root(strip.left, middle)
+        flank = _flank(strip.left)
         aside = float(rises[0].mean() - rises[1].mean()) / 2
-        yield _Notch(complex(middle, aside), length, neck, max(float(depths.mean()), 0.0), root, flank, None)
+        yield _Notch(
+            complex(middle, aside), length, neck, max(float(depths.mean()), 0.0), root, flank, None
+        )
     for side, notched, other in (("left", 0, 1), ("right", 1, 0)):
         edge = (strip.left, strip.right)[notched]
         if abs(depths[other]).max() < ALLOWED and depths[notched].min() > ALLOWED:
@@ -232,7 +281,10 @@ def _notches(strip: Strip) -> Iterator[_Notch]:
 def _root(edge: Sequence[Segment], middle: float) -> float:
     """Return the radius of the arc of an edge at the middle, 0 without one."""
     for segment in edge:
-        if segment.centre is not None and segment.start.real - CLOSE <= middle <= segment.end.real + CLOSE:
+        if (
+            segment.centre is not None
+            and segment.start.real - CLOSE <= middle <= segment.end.real + CLOSE
+        ):
             return abs(segment.start - segment.centre)
     return 0.0
 
@@ -254,9 +306,13 @@ def edges_of(profile: Profile) -> tuple[list[Curve], list[Curve]]:
 
 
 def corners_of(profile: Profile) -> tuple[complex, complex, complex, complex]:
-    """Return the corners of a profile: right at the first and the second end, left at the second and the first."""
+    """Return the corners of a profile: right at the first and the second end, left at the second
+    and the first.
+    """
     half = profile.length / 2
-    (near_left, far_left), (near_right, far_right) = edge_positions(profile, np.array([-half, half])).tolist()
+    (near_left, far_left), (near_right, far_right) = edge_positions(
+        profile, np.array([-half, half])
+    ).tolist()
     return (
         complex(-half, -near_right),
         complex(half, -far_right),
@@ -266,9 +322,13 @@ def corners_of(profile: Profile) -> tuple[complex, complex, complex, complex]:
 
 
 def _deviation(strip: Strip, profile: Profile, centre: complex) -> float:
-    """Return the largest distance, mm, of points of the drawn edges from those of a profile about a centre."""
+    """Return the largest distance, mm, of points of the drawn edges from those of a profile about a
+    centre.
+    """
     drawn = (_drawn(strip.left) - centre, _drawn(strip.right) - centre.conjugate())
-    return max(float(np.max(distances(*each))) for each in zip(drawn, edges_of(profile), strict=True))
+    return max(
+        float(np.max(distances(*each))) for each in zip(drawn, edges_of(profile), strict=True)
+    )
 
 
 def distances(points: AnyArray, curves: Sequence[Curve]) -> Array:
@@ -290,18 +350,28 @@ def _points_of(curve: Bezier | Ellipse) -> AnyArray:
     """Return points (FINE,) of a Bezier curve, or of a quarter of an ellipse."""
     t = np.linspace(0, 1, FINE)
     if isinstance(curve, Ellipse):
-        start, end = curve.start - curve.centre, curve.end - curve.centre
-        return np.asarray(curve.centre + start * np.cos(t * np.pi / 2) + end * np.sin(t * np.pi / 2))
+        start = curve.start - curve.centre
+        end = curve.end - curve.centre
+        return np.asarray(
+            curve.centre + start * np.cos(t * np.pi / 2) + end * np.sin(t * np.pi / 2)
+        )
     n = len(curve.points) - 1
     weights = [math.comb(n, k) * t**k * (1 - t) ** (n - k) for k in range(n + 1)]
-    return np.asarray(sum(weight * point for weight, point in zip(weights, curve.points, strict=True)))
+    return np.asarray(
+        sum(weight * point for weight, point in zip(weights, curve.points, strict=True))
+    )
 
 
 def _is_even(strip: Strip) -> bool:
-    """Return whether both edges of a strip end at the same positions, at the same distances from its axis."""
+    """Return whether both edges of a strip end at the same positions, at the same distances from
+    its axis.
+    """
     corners = np.array([(edge[0].start, edge[-1].end) for edge in (strip.left, strip.right)])
     heights = corners.imag - corners.imag.mean(axis=1, keepdims=True)
-    return float(np.ptp(corners.real, axis=0).max()) < CLOSE and float(np.ptp(heights, axis=0).max()) < CLOSE
+    return (
+        float(np.ptp(corners.real, axis=0).max()) < CLOSE
+        and float(np.ptp(heights, axis=0).max()) < CLOSE
+    )
 
 
 def _lowered(strip: Strip) -> Strip | None:
@@ -310,16 +380,20 @@ def _lowered(strip: Strip) -> Strip | None:
     height = height_at(strip.left, x) + height_at(strip.right, x)
     lowest = int(np.nanargmin(height))
     high = np.flatnonzero(~(height < LOW * height[lowest]))
-    before, after = high[high < lowest], high[high > lowest]
+    before = high[high < lowest]
+    after = high[high > lowest]
     low = x[before[-1]] if len(before) else strip.low
     end = x[after[0]] if len(after) else strip.high
     return strip._replace(low=float(low), high=float(end)) if end - low > CLOSE else None
 
 
 def _is_curved(strip: Strip) -> bool:
-    """Return whether the middle of the metal bends away from the axis where it is low: its sections are not upright."""
+    """Return whether the middle of the metal bends away from the axis where it is low: its sections
+    are not upright.
+    """
     x = np.linspace(strip.low, strip.high, FINE)
-    left, right = height_at(strip.left, x), height_at(strip.right, x)
+    left = height_at(strip.left, x)
+    right = height_at(strip.right, x)
     slope = np.abs(np.diff(left - right)) / 2 / np.diff(x)
     is_low = (left + right < BENT * np.nanmin(left + right))[1:]
     return bool(np.any(slope[is_low] > STEEPEST))
@@ -330,10 +404,13 @@ def _table(strip: Strip) -> Fit | None:
     if _is_curved(strip):
         return None
     low, high = _gentle(strip)
-    left, right = strip.left, strip.right
+    left = strip.left
+    right = strip.right
     is_curved = any(segment.centre is not None for edge in (left, right) for segment in edge)
     corners = np.array([z.real for edge in (left, right) for z in vertices(edge)])
-    x = np.unique(np.round([low, high, *corners[(corners > low + CLOSE) & (corners < high - CLOSE)]], 9))
+    x = np.unique(
+        np.round([low, high, *corners[(corners > low + CLOSE) & (corners < high - CLOSE)]], 9)
+    )
     x = x[np.append(True, np.diff(x) > CLOSE / 2)]
     if len(x) < 3:
         x = np.linspace(low, high, 3)
@@ -347,20 +424,29 @@ def _table(strip: Strip) -> Fit | None:
 
 def _tabulated(strip: Strip, x: Array, is_smooth: bool) -> Tabulated:
     """Return the profile with rows at positions (n,), of two columns where both edges are alike."""
-    left, right = height_at(strip.left, x), height_at(strip.right, x)
+    left = height_at(strip.left, x)
+    right = height_at(strip.right, x)
     if np.max(np.abs(left - right)) < ALLOWED / 2:
         rows = zip(x.tolist(), (left + right).tolist(), strict=True)
         return Tabulated(tuple(rows), smooth=is_smooth)
-    return Tabulated(tuple(zip(x.tolist(), left.tolist(), right.tolist(), strict=True)), smooth=is_smooth)
+    return Tabulated(
+        tuple(zip(x.tolist(), left.tolist(), right.tolist(), strict=True)), smooth=is_smooth
+    )
 
 
 def _refined(strip: Strip, x: Array, is_smooth: bool) -> tuple[Array, float]:
-    """Return positions with so many between them that a table follows the drawn edges, and its largest deviation."""
+    """Return positions with so many between them that a table follows the drawn edges, and its
+    largest deviation.
+    """
     for _ in range(ROUNDS):
         between = x[:-1] + np.array(BETWEEN)[:, None] * np.diff(x)
         drawn = np.stack([height_at(edge, between) for edge in (strip.left, strip.right)])
-        off = np.abs(drawn - edge_positions(_tabulated(strip, x, is_smooth), between - (x[0] + x[-1]) / 2))
-        slope = np.diff(np.stack([height_at(edge, x) for edge in (strip.left, strip.right)]), axis=1) / np.diff(x)
+        off = np.abs(
+            drawn - edge_positions(_tabulated(strip, x, is_smooth), between - (x[0] + x[-1]) / 2)
+        )
+        slope = np.diff(
+            np.stack([height_at(edge, x) for edge in (strip.left, strip.right)]), axis=1
+        ) / np.diff(x)
         worst = (off / np.hypot(1, slope)[:, None]).max(axis=(0, 1))
         coarse = (worst > TABLE) & (np.diff(x) > 2 * CLOSE)
         if not coarse.any() or len(x) > MOST_ROWS:
@@ -370,14 +456,18 @@ def _refined(strip: Strip, x: Array, is_smooth: bool) -> tuple[Array, float]:
 
 
 def edge_positions(profile: Profile, x: Array) -> Array:
-    """Return the distances (2, n) of the left and the right edge from the axis at positions (n,), mm."""
-    half, middle = profile.height(x) / 2, profile.middle(x)
+    """Return the distances (2, n) of the left and the right edge from the axis at positions (n,),
+    mm.
+    """
+    half = profile.height(x) / 2
+    middle = profile.middle(x)
     return np.stack([half + middle, half - middle])
 
 
 def _gentle(strip: Strip) -> tuple[float, float]:
     """Return the positions between which both edges are not nearly upright."""
-    low, high = strip.low, strip.high
+    low = strip.low
+    high = strip.high
     for edge in (strip.left, strip.right):
         for segment in edge:
             if segment.centre is None or segment.turn == 0:

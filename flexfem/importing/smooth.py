@@ -1,4 +1,6 @@
-"""Contours of few segments: lines in a row are one line, arcs of one circle one arc, short chords the arc they mean."""
+"""Contours of few segments: lines in a row are one line, arcs of one circle one arc, short chords
+the arc they mean.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ from flexfem.importing.curves import arc, with_ends
 from flexfem.mechanism.outlines import Segment
 
 ON_ARC = 1e-3  # mm; most that the ends of chords lie off the arc that they mean
-EXACT = 1e-4  # mm; the same where the first of them lie as near: then it ends where the next curve begins
+# mm; the same where the first of them lie as near: then it ends where the next curve begins
+EXACT = 1e-4
 CHORD = 5e-3  # mm; most that the middle of such a chord lies off the arc
 STEP = math.radians(6.1)  # most turn from chord to chord: 60 of them or more in a circle
 FEWEST = 6  # chords
@@ -27,7 +30,8 @@ THREE = np.array([0.0, 0.5, 1.0])
 class SmoothLoop(NamedTuple):
     """A closed loop.
 
-    arcs : number of those that stand for chords.   off : largest distance of these chords from them, mm.
+    arcs : number of those that stand for chords.   off : largest distance of these chords from
+    them, mm.
     joined : the same of arcs that became one.
     """
 
@@ -45,11 +49,15 @@ def smoothed(loop: Sequence[Segment]) -> SmoothLoop:
 
 
 def _from_a_corner(loop: Sequence[Segment]) -> list[Segment]:
-    """Let the loop begin where it turns most, so that nothing that belongs together goes past its start."""
+    """Let the loop begin where it turns most, so that nothing that belongs together goes past its
+    start.
+    """
     ahead = np.array([complex(each.tangent(0.0)) for each in loop])
     behind = np.array([complex(each.tangent(1.0)) for each in loop])
     turns = np.abs(np.angle(ahead / np.roll(behind, 1)))
-    radius = np.array([0.0 if each.centre is None else abs(each.start - each.centre) for each in loop])
+    radius = np.array(
+        [0.0 if each.centre is None else abs(each.start - each.centre) for each in loop]
+    )
     other = np.abs(radius - np.roll(radius, 1)) > ONE_CIRCLE
     first = int(np.argmax(turns + (other & (turns < STEP))))
     return [*loop[first:], *loop[:first]]
@@ -61,7 +69,8 @@ def _from_a_corner(loop: Sequence[Segment]) -> list[Segment]:
 def _arcs_of_chords(loop: list[Segment]) -> SmoothLoop:
     """Return the loop with arcs in place of rows of short lines whose ends are on one circle."""
     segments = list[Segment]()
-    arcs, off = 0, 0.0
+    arcs = 0
+    off = 0.0
     points = np.array([*(each.start for each in loop), loop[-1].end])
     rows = _row_ends(loop, points)
     k = 0
@@ -80,7 +89,9 @@ def _arcs_of_chords(loop: list[Segment]) -> SmoothLoop:
 
 
 def _row_ends(loop: Sequence[Segment], points: AnyArray) -> list[int]:
-    """Return, by line, the index after the last one of a row from it that turns a little, all to one side."""
+    """Return, by line, the index after the last one of a row from it that turns a little, all to
+    one side.
+    """
     straight = np.array([each.centre is None for each in loop])
     steps = np.diff(points)
     turns = np.angle(steps[1:] / steps[:-1])
@@ -95,7 +106,9 @@ def _row_ends(loop: Sequence[Segment], points: AnyArray) -> list[int]:
 
 
 def _longest_row(points: AnyArray) -> tuple[int, complex | None]:
-    """Number of lines through points, from the first, whose ends are on one circle, and its centre or None."""
+    """Number of lines through points, from the first, whose ends are on one circle, and its centre
+    or None.
+    """
     if len(points) <= FEWEST:
         return 0, None
     for tolerance in (EXACT, ON_ARC):
@@ -103,7 +116,8 @@ def _longest_row(points: AnyArray) -> tuple[int, complex | None]:
             break
     else:
         return 0, None
-    good, bad = FEWEST, len(points)
+    good = FEWEST
+    bad = len(points)
     while good < bad - 1:
         count = min(2 * good, bad - 1) if bad == len(points) else (good + bad) // 2
         if _centre(points[: count + 1], tolerance) is None:
@@ -114,9 +128,12 @@ def _longest_row(points: AnyArray) -> tuple[int, complex | None]:
 
 
 def _centre(points: AnyArray, tolerance: float) -> complex | None:
-    """Centre of the circle that points (n,) are on within a tolerance, with short chords between them, or None."""
+    """Centre of the circle that points (n,) are on within a tolerance, with short chords between
+    them, or None.
+    """
     closed = abs(points[-1] - points[0]) < ON_LINE
-    start, end = complex(points[0]), complex(points[-1])
+    start = complex(points[0])
+    end = complex(points[-1])
     if closed:
         centre = _fitted(points)
     else:
@@ -134,8 +151,14 @@ def _centre(points: AnyArray, tolerance: float) -> complex | None:
     steps = np.angle(spokes[1:] / spokes[:-1])
     chords = radius * (1 - np.cos(np.max(np.abs(steps)) / 2))
     turn = abs(float(np.sum(steps)))
-    fits = np.max(np.abs(np.abs(spokes) - radius)) <= tolerance and chords <= CHORD and np.max(np.abs(steps)) <= STEP
-    height = radius * (1 - math.cos(min(turn, math.pi) / 2))  # with less than this the points are as well on a line
+    fits = (
+        np.max(np.abs(np.abs(spokes) - radius)) <= tolerance
+        and chords <= CHORD
+        and np.max(np.abs(steps)) <= STEP
+    )
+    height = radius * (
+        1 - math.cos(min(turn, math.pi) / 2)
+    )  # with less than this the points are as well on a line
     return centre if fits and turn >= LEAST_TURN and height > 5 * tolerance else None
 
 
@@ -151,8 +174,13 @@ def _fitted(points: AnyArray) -> complex:
 def _arc_through(row: Sequence[Segment], centre: complex) -> list[Segment]:
     """Arcs about a centre from the start of a row of lines or arcs to its end."""
     points = np.array([row[0].start, *(each.end for each in row)])
-    if abs(points[-1] - points[0]) > 0.2 * abs(points[0] - centre):  # else its ends do not tell the centre
-        centre = with_ends(Segment(row[0].start, row[-1].end, centre), row[0].start, row[-1].end).centre or centre
+    if abs(points[-1] - points[0]) > 0.2 * abs(
+        points[0] - centre
+    ):  # else its ends do not tell the centre
+        centre = (
+            with_ends(Segment(row[0].start, row[-1].end, centre), row[0].start, row[-1].end).centre
+            or centre
+        )
     turn = float(np.sum(np.angle((points[1:] - centre) / (points[:-1] - centre))))
     found = arc(centre, row[0].start, turn)
     found[-1] = found[-1]._replace(end=row[-1].end)
@@ -193,16 +221,25 @@ def _in_a_row(whole: Segment, ends: AnyArray) -> bool:
         return False
     places = (ends - whole.start) / (whole.end - whole.start)
     steps = np.diff([0.0, *places.real.tolist(), 1.0])
-    return bool(np.all(steps > 0) and np.max(np.abs(places.imag)) * abs(whole.end - whole.start) <= ON_LINE)
+    return bool(
+        np.all(steps > 0) and np.max(np.abs(places.imag)) * abs(whole.end - whole.start) <= ON_LINE
+    )
 
 
 def _joined_arcs(loop: Sequence[Segment]) -> tuple[list[Segment], float]:
-    """Join arcs that follow each other on one circle; also return how far the joined ones are off it, mm."""
+    """Join arcs that follow each other on one circle; also return how far the joined ones are off
+    it, mm.
+    """
     joined = list[Segment]()
     row = list[Segment]()
     off = 0.0
     for segment in [*loop, None]:
-        if row and segment is not None and len(row) < LONGEST_ROW and _off_circle([*row, segment]) <= ONE_CIRCLE:
+        if (
+            row
+            and segment is not None
+            and len(row) < LONGEST_ROW
+            and _off_circle([*row, segment]) <= ONE_CIRCLE
+        ):
             row.append(segment)
             continue
         if len(row) > 1:
@@ -222,7 +259,9 @@ def _row_centre(row: Sequence[Segment]) -> complex:
 
 
 def _off_circle(row: Sequence[Segment]) -> float:
-    """Largest distance of arcs that turn to one side from their one circle, mm; infinite for others."""
+    """Largest distance of arcs that turn to one side from their one circle, mm; infinite for
+    others.
+    """
     if any(each.centre is None or each.turn * row[0].turn < 0 for each in row):
         return math.inf
     points = np.concatenate([each.at(THREE) for each in row])

@@ -17,7 +17,9 @@ LEFT_OUT = 0.05  # most of the volume that other faces than those of a plate may
 NAMED = 12  # solids in a message
 
 
-def read_step(data: bytes, path: Path, unit: DrawingUnit | None, part: int | str | None) -> Contents:
+def read_step(
+    data: bytes, path: Path, unit: DrawingUnit | None, part: int | str | None
+) -> Contents:
     """Read the section of a solid, in a separate process with a time limit.
 
     Raises BadInput for a file that is no complete STEP file, and for a solid that is no plate.
@@ -33,7 +35,9 @@ def read_step(data: bytes, path: Path, unit: DrawingUnit | None, part: int | str
     if unit is not None:
         raise BadInput(f"units {unit.name} with a STEP file, which states its unit; expected none")
     try:
-        found: FoundSection = run_mesher(SolidSection(str(path.resolve()), 1 if part is None else part), TIME_LIMIT)
+        found: FoundSection = run_mesher(
+            SolidSection(str(path.resolve()), 1 if part is None else part), TIME_LIMIT
+        )
     except MeshTimeout:
         raise BadInput(f"not read within {TIME_LIMIT:g} s, expected a simpler solid") from None
     except ComputationFailed as error:
@@ -41,7 +45,13 @@ def read_step(data: bytes, path: Path, unit: DrawingUnit | None, part: int | str
     _check(found, part)
     curves = [DrawnCurve(tuple(loop), "0", (found.names[found.chosen],)) for loop in found.contours]
     return Contents(
-        curves, [], Counter(), 0.0 if found.exact else SECTION_ERROR, "", found.thickness, tuple(_notes(found))
+        curves,
+        [],
+        Counter(),
+        0.0 if found.exact else SECTION_ERROR,
+        "",
+        found.thickness,
+        tuple(_notes(found)),
     )
 
 
@@ -52,22 +62,27 @@ def _check(found: FoundSection, part: int | str | None) -> None:
     if found.chosen < 0:
         names = [name for name, _ in groupby(found.names) if name][:NAMED]
         named = f" or one of {', '.join(names)}" if names else ""
-        raise BadInput(f"part {printed(part)}, expected a number from 1 to {len(found.names)}{named}")
+        raise BadInput(
+            f"part {printed(part)}, expected a number from 1 to {len(found.names)}{named}"
+        )
     if not found.contours:
         raise BadInput("a solid without two parallel plane faces, expected a plate")
     change = found.plate / found.solid - 1 if found.solid else float("inf")
     if abs(change) > LEFT_OUT:
         raise BadInput(
-            f"a solid of {found.solid:.4g} mm^3 that is no plate of one thickness: its middle section times "
-            f"{found.thickness:.4g} mm is {found.plate:.4g} mm^3 (faces: {_faces(found) or 'all are perpendicular'}); "
-            f"expected a difference of at most {LEFT_OUT:.0%}"
+            f"a solid of {found.solid:.4g} mm^3 that is no plate of one thickness: its middle "
+            f"section times {found.thickness:.4g} mm is {found.plate:.4g} mm^3 (faces: "
+            f"{_faces(found) or 'all are perpendicular'}); expected a difference of at most "
+            f"{LEFT_OUT:.0%}"
         )
 
 
 def _faces(found: FoundSection) -> str:
     """Kinds, numbers and areas of the faces that are left out."""
     kinds = found.other.items()
-    return ", ".join(f"{kind.lower()} ({number}, {size:.4g} mm^2)" for kind, (number, size) in kinds)
+    return ", ".join(
+        f"{kind.lower()} ({number}, {size:.4g} mm^2)" for kind, (number, size) in kinds
+    )
 
 
 def _notes(found: FoundSection) -> list[str]:
@@ -76,8 +91,8 @@ def _notes(found: FoundSection) -> list[str]:
     if found.other:
         change = 100 * (found.plate / found.solid - 1)
         notes.append(
-            f"Faces that are not perpendicular to the plate are left out, such as chamfers and blind holes: "
-            f"{_faces(found)}; this changes the volume by {change:+.2g} %."
+            "Faces that are not perpendicular to the plate are left out, such as chamfers and "
+            f"blind holes: {_faces(found)}; this changes the volume by {change:+.2g} %."
         )
     others = [name or f"solid {k + 1}" for k, name in enumerate(found.names) if k != found.chosen]
     if others:

@@ -1,8 +1,8 @@
-"""The two edges of a plate on both sides of a neck, in the frame of a hinge, up to where they leave it.
+"""The two edges of a plate on both sides of a neck, in the frame of a hinge, up to where they leave
+it.
 
-The frame has its x axis along the hinge and its y axis to the left of it. Both edges are given as left ones: the right
-edge is mirrored.
-"""
+The frame has its x axis along the hinge and its y axis to the left of it. Both edges are given as
+left ones: the right edge is mirrored."""
 
 from __future__ import annotations
 
@@ -65,7 +65,8 @@ class Way(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """Both edges of a hinge between two positions on its axis, from the first to the second body, and their segments.
+    """Both edges of a hinge between two positions on its axis, from the first to the second body,
+    and their segments.
 
     left, right : in the frame, the right one mirrored.   low, high : positions of the ends, mm.
     """
@@ -90,26 +91,36 @@ def part(segment: Segment, first: float, last: float) -> Segment:
 
 
 def from_place(loop: Sequence[Segment], place: Place, sense: int) -> Iterator[tuple[Segment, int]]:
-    """Yield the segments of a loop from a place on, in its sense (1) or against it (-1), with their indices."""
+    """Yield the segments of a loop from a place on, in its sense (1) or against it (-1), with their
+    indices.
+    """
     first = loop[place.segment]
-    yield (part(first, place.share, 1.0) if sense > 0 else part(first, 0.0, place.share).reversed()), place.segment
+    yield (
+        (part(first, place.share, 1.0) if sense > 0 else part(first, 0.0, place.share).reversed()),
+        place.segment,
+    )
     for step in range(1, len(loop)):
         index = (place.segment + sense * step) % len(loop)
         yield (loop[index] if sense > 0 else loop[index].reversed()), index
-    yield (part(first, 0.0, place.share) if sense > 0 else part(first, place.share, 1.0).reversed()), place.segment
+    yield (
+        (part(first, 0.0, place.share) if sense > 0 else part(first, place.share, 1.0).reversed()),
+        place.segment,
+    )
 
 
 def _slope(segment: Segment, share: float) -> float:
     return cmath.phase(complex(segment.tangent(share)))
 
 
-def way_of(pieces: Iterator[tuple[Segment, int]], move: Callable[[complex], complex], wall: float) -> Way:
+def way_of(
+    pieces: Iterator[tuple[Segment, int]], move: Callable[[complex], complex], wall: float
+) -> Way:
     """Return the edge from a neck outwards, up to where it leaves the hinge.
 
-    It does so where its slope decreases, at a corner beyond which it is steeper than `wall`, rad, and where it is
-    upright.
-    """
-    way, steepest = Way([], [], 0), -math.inf
+    It does so where its slope decreases, at a corner beyond which it is steeper than `wall`, rad,
+    and where it is upright."""
+    way = Way([], [], 0)
+    steepest = -math.inf
     flank: int | None = None
     for piece, index in pieces:
         if piece.length <= SHORTEST:
@@ -119,9 +130,18 @@ def way_of(pieces: Iterator[tuple[Segment, int]], move: Callable[[complex], comp
         start = _slope(segment, 0.0)
         end = start + segment.turn
         is_corner = way.segments and start > steepest + CORNER
-        if min(start, end) < steepest - CONVEX or start > UPRIGHT - SLIGHT or (is_corner and start > wall):
+        if (
+            min(start, end) < steepest - CONVEX
+            or start > UPRIGHT - SLIGHT
+            or (is_corner and start > wall)
+        ):
             break
-        if flank is None and segment.centre is None and start > STEEP_FLANK and segment.length > segment.start.imag:
+        if (
+            flank is None
+            and segment.centre is None
+            and start > STEEP_FLANK
+            and segment.length > segment.start.imag
+        ):
             flank = len(way.segments)
         is_last = end > UPRIGHT + SLIGHT
         if is_last:
@@ -143,7 +163,9 @@ class Ways(NamedTuple):
     left_back: Way
 
 
-def ways_of(loops: Sequence[Sequence[Segment]], neck: Neck, frame: Axis, wall: float = WALL) -> Ways:
+def ways_of(
+    loops: Sequence[Sequence[Segment]], neck: Neck, frame: Axis, wall: float = WALL
+) -> Ways:
     """Return the edges from a neck outwards in a frame."""
 
     def move(along: int, across: int, z: complex) -> complex:
@@ -186,7 +208,9 @@ def _mirrored(segment: Segment) -> Segment:
 
 
 def joined(segments: Sequence[Segment]) -> list[Segment]:
-    """Return a path in which lines that continue each other, and short arcs about one centre, are one segment."""
+    """Return a path in which lines that continue each other, and short arcs about one centre, are
+    one segment.
+    """
     found = list[Segment]()
     for segment in segments:
         last = found[-1] if found else None
@@ -210,24 +234,35 @@ def _continues(one: Segment, other: Segment) -> bool:
 
 
 def clipped(edge: Sequence[Segment], low: float, high: float) -> list[Segment]:
-    """Return the part of an edge between two positions on the axis; ends nearly there are moved to them."""
+    """Return the part of an edge between two positions on the axis; ends nearly there are moved to
+    them.
+    """
     found = list[Segment]()
     for segment in edge:
         first = share_at(segment, low) if segment.start.real < low - CLOSE else 0.0
         last = share_at(segment, high) if segment.end.real > high + CLOSE else 1.0
-        if last > first and segment.end.real > low + SHORTEST and segment.start.real < high - SHORTEST:
+        if (
+            last > first
+            and segment.end.real > low + SHORTEST
+            and segment.start.real < high - SHORTEST
+        ):
             found.append(part(segment, first, last))
     return found
 
 
 def share_at(segment: Segment, x: float) -> float:
-    """Return the share of the length of a segment at which it is at a position on the axis that it passes."""
+    """Return the share of the length of a segment at which it is at a position on the axis that it
+    passes.
+    """
     if segment.centre is None:
         return (x - segment.start.real) / (segment.end.real - segment.start.real)
     radius = abs(segment.start - segment.centre)
     aside = x - segment.centre.real
     high = math.sqrt(max(radius**2 - aside**2, 0.0))
-    shares = [float(segment.shares(np.asarray(segment.centre + complex(aside, side * high)))) for side in (-1, 1)]
+    shares = [
+        float(segment.shares(np.asarray(segment.centre + complex(aside, side * high))))
+        for side in (-1, 1)
+    ]
     return min(max(min(shares, key=lambda share: abs(share - 0.5)), 0.0), 1.0)
 
 
@@ -235,7 +270,8 @@ def height_at(edge: Sequence[Segment], x: Array) -> Array:
     """Return the distances (...) of an edge from the axis at positions (...) on it, mm."""
     found = np.full(np.shape(x), np.nan)
     for segment in edge:
-        low, high = segment.start.real, segment.end.real
+        low = segment.start.real
+        high = segment.end.real
         inside = (x >= low - CLOSE) & (x <= high + CLOSE) & np.isnan(found)
         if not inside.any():
             continue
@@ -246,7 +282,9 @@ def height_at(edge: Sequence[Segment], x: Array) -> Array:
             radius = abs(segment.start - segment.centre)
             aside = np.clip(x[inside], low, high) - segment.centre.real
             side = -math.copysign(1.0, segment.turn)
-            found[inside] = segment.centre.imag + side * np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
+            found[inside] = segment.centre.imag + side * np.sqrt(
+                np.maximum(radius**2 - aside**2, 0.0)
+            )
     return found
 
 

@@ -1,7 +1,7 @@
 """SVG drawings: paths and shapes with their transforms, mm, y upwards.
 
-The text is parsed here, so that a file can neither declare entities nor refer to others; svgelements then draws it.
-"""
+The text is parsed here, so that a file can neither declare entities nor refer to others;
+svgelements then draws it."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ SOLID = re.compile(r"\s*(none|0*(\.0*)?(px|mm)?([\s,]+0*(\.0*)?(px|mm)?)*)\s*", 
 def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
     """Read the paths and shapes of a drawing.
 
-    A group, an Inkscape layer or an element itself gives a curve the name of its layer. Texts, images, dashed lines and
-    what is not painted are left out and counted.
+    A group, an Inkscape layer or an element itself gives a curve the name of its layer. Texts,
+    images, dashed lines and what is not painted are left out and counted.
 
     Raises BadInput for a file that is not XML, declares entities or repeats too many elements.
     """
@@ -84,7 +84,9 @@ def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
     reader = _Reader(page, scale, left_out)
     try:
         text = io.BytesIO(ElementTree.tostring(root))
-        reader.read(svgelements.SVG.parse(text, width=page.width, height=page.height, on_error="raise"))
+        reader.read(
+            svgelements.SVG.parse(text, width=page.width, height=page.height, on_error="raise")
+        )
     except BadInput:
         raise
     except Exception as error:  # svgelements raises many kinds for impossible values
@@ -116,7 +118,9 @@ class _Builder:
             raise BadInput(f"elements nested more than {DEEPEST} deep, expected fewer")
         if self.count > MOST_ELEMENTS:
             raise BadInput(f"more than {MOST_ELEMENTS:,} elements, expected fewer")
-        self.tree.start(_qualified(name), {_qualified(key): value for key, value in attributes.items()})
+        self.tree.start(
+            _qualified(name), {_qualified(key): value for key, value in attributes.items()}
+        )
 
     def end(self, name: str) -> None:
         """End an element."""
@@ -129,9 +133,13 @@ def _qualified(name: str) -> str:
     return "{" + name if "}" in name else name
 
 
-def _refuse_declarations(_: str, __: str | None, ___: str | None, has_internal_subset: bool) -> None:
+def _refuse_declarations(
+    _: str, __: str | None, ___: str | None, has_internal_subset: bool
+) -> None:
     if has_internal_subset:
-        raise BadInput("declarations in <!DOCTYPE>, which flexfem does not read, expected a file without them")
+        raise BadInput(
+            "declarations in <!DOCTYPE>, which flexfem does not read, expected a file without them"
+        )
 
 
 def _parsed(data: bytes) -> ElementTree.Element:
@@ -149,7 +157,9 @@ def _parsed(data: bytes) -> ElementTree.Element:
         parser.Parse(data, True)
         return builder.tree.close()
     except (expat.ExpatError, ValueError, LookupError, AssertionError) as error:
-        raise BadInput(f"not readable as SVG: {text_of(error)[:120]}, expected an SVG file") from None
+        raise BadInput(
+            f"not readable as SVG: {text_of(error)[:120]}, expected an SVG file"
+        ) from None
 
 
 def _simplify(element: ElementTree.Element, left_out: Counter[str]) -> None:
@@ -171,10 +181,14 @@ def _check_texts(element: ElementTree.Element, name: str) -> None:
     if name == "style":
         text = " ".join("".join(element.itertext()).split())
         if len(text) > LONGEST_STYLE:
-            raise BadInput(f"a style sheet of {len(text):,} characters, expected at most {LONGEST_STYLE:,}")
+            raise BadInput(
+                f"a style sheet of {len(text):,} characters, expected at most {LONGEST_STYLE:,}"
+            )
         element.text = text
     for key in PLACES:
-        length = _millimetres(element.get(key)) if PHYSICAL.fullmatch(element.get(key, "")) else None
+        length = (
+            _millimetres(element.get(key)) if PHYSICAL.fullmatch(element.get(key, "")) else None
+        )
         if length is not None:  # svgelements rounds the inch
             element.set(key, repr(length * DOTS_PER_INCH / INCH))
     if len(element.get("transform", "")) > LONGEST_TRANSFORM:
@@ -188,7 +202,10 @@ def _check_repeated(root: ElementTree.Element) -> None:
 
     def size(element: ElementTree.Element, depth: int) -> float:
         if depth > DEEPEST:
-            raise BadInput(f"<use> nested more than {DEEPEST} deep, expected fewer: an element may repeat itself")
+            raise BadInput(
+                f"<use> nested more than {DEEPEST} deep, expected fewer: an element may repeat "
+                "itself"
+            )
         key = id(element)
         if key not in sizes:
             target = named.get(_target(element)) if _name(element) == "use" else None
@@ -198,7 +215,10 @@ def _check_repeated(root: ElementTree.Element) -> None:
 
     total = size(root, 0)
     if total > MOST_ELEMENTS:
-        raise BadInput(f"{total:.3g} elements with those that <use> repeats, expected at most {MOST_ELEMENTS:,}")
+        raise BadInput(
+            f"{total:.3g} elements with those that <use> repeats, expected at most "
+            f"{MOST_ELEMENTS:,}"
+        )
 
 
 def _target(element: ElementTree.Element) -> str | None:
@@ -245,22 +265,33 @@ class _Page(NamedTuple):
         """Whether a box of lowest and highest x and y covers the page."""
         if box is None:
             return False
-        low, high = complex(box[0] - self.x, box[1] - self.y), complex(box[2] - self.x, box[3] - self.y)
+        low = complex(box[0] - self.x, box[1] - self.y)
+        high = complex(box[2] - self.x, box[3] - self.y)
         near = 1e-6 * max(self.width, self.height)
-        return max(low.real, low.imag) <= near and high.real >= self.width - near and high.imag >= self.height - near
+        return (
+            max(low.real, low.imag) <= near
+            and high.real >= self.width - near
+            and high.imag >= self.height - near
+        )
 
 
 def _page(root: ElementTree.Element) -> _Page:
-    """Return the page; a user unit is a pixel of CSS unless width or height and `viewBox` say otherwise."""
+    """Return the page; a user unit is a pixel of CSS unless width or height and `viewBox` say
+    otherwise.
+    """
     pixel = INCH / DOTS_PER_INCH
     width, height = (_positive(_millimetres(root.get(key))) for key in ("width", "height"))
     stated = any(PHYSICAL.fullmatch(root.get(key, "")) for key in ("width", "height"))
     numbers = [_number(each) for each in re.split(r"[\s,]+", root.get("viewBox", "").strip())]
     if len(numbers) != 4 or any(each is None for each in numbers):
-        return _Page(0.0, 0.0, (width or 1e3 * pixel) / pixel, (height or 1e3 * pixel) / pixel, pixel, False)
+        return _Page(
+            0.0, 0.0, (width or 1e3 * pixel) / pixel, (height or 1e3 * pixel) / pixel, pixel, False
+        )
     x, y, across, up = (each or 0.0 for each in numbers)
     if not across > 0 or not up > 0:
-        raise BadInput(f"viewBox {root.get('viewBox')!r}, expected a positive width and height"[:120])
+        raise BadInput(
+            f"viewBox {root.get('viewBox')!r}, expected a positive width and height"[:120]
+        )
     scales = [size / of for size, of in ((width, across), (height, up)) if size]
     fit = root.get("preserveAspectRatio", "")
     if "none" in fit and len(scales) == 2 and abs(scales[0] / scales[1] - 1) > SAME_SCALE:
@@ -325,7 +356,8 @@ class _Reader:
             return f"elements of {layer}"
         if str(values.get("visibility", "")).strip() in ("hidden", "collapse"):
             return "hidden elements"
-        stroke, fill = str(values.get("stroke", "none")).strip(), str(values.get("fill", "black")).strip()
+        stroke = str(values.get("stroke", "none")).strip()
+        fill = str(values.get("fill", "black")).strip()
         if stroke in ("none", "transparent") and fill in ("none", "transparent"):
             return "elements that are not painted"
         if not SOLID.fullmatch(str(values.get("stroke-dasharray") or "none")):
@@ -360,11 +392,16 @@ class _Reader:
         """Lines and arcs of one command of a path."""
         if piece.start is None or piece.end is None:
             return []
-        start, end = self._point(piece.start), self._point(piece.end)
+        start = self._point(piece.start)
+        end = self._point(piece.end)
         if isinstance(piece, svgelements.CubicBezier | svgelements.QuadraticBezier):
-            controls = [piece.control1, piece.control2] if hasattr(piece, "control1") else [piece.control]
+            controls = (
+                [piece.control1, piece.control2] if hasattr(piece, "control1") else [piece.control]
+            )
             points = [start, *map(self._point, controls), end]
-            straight = all(abs(((z - start) * (end - start).conjugate()).imag) < 1e-9 for z in points)
+            straight = all(
+                abs(((z - start) * (end - start).conjugate()).imag) < 1e-9 for z in points
+            )
             along = [((z - start) * (end - start).conjugate()).real for z in points]
             if straight and along == sorted(along):
                 return [Segment(start, end)] if start != end else []
@@ -385,7 +422,9 @@ class _Reader:
             major = complex(math.cos(angle), -math.sin(angle)) * radii[0]
             minor = complex(-math.sin(angle), -math.cos(angle)) * radii[1]
             return self._kept(ellipse(centre, major, minor, float(piece.get_start_t()), turn))
-        if abs(radii[0] - abs(end - start) / 2) < SNAP:  # rounded numbers tell the centre of half a circle badly
+        if (
+            abs(radii[0] - abs(end - start) / 2) < SNAP
+        ):  # rounded numbers tell the centre of half a circle badly
             centre = (start + end) / 2
             turn = math.copysign(math.pi, turn)
         found = arc(centre, start, -turn)

@@ -35,7 +35,14 @@ OTHER_NAMES = {
     "µm": "um",
     "μm": "um",
 }
-OTHER_NAMES |= {"micron": "um", "microns": "um", "millimetre": "mm", "millimeter": "mm", "metre": "m", "meter": "m"}
+OTHER_NAMES |= {
+    "micron": "um",
+    "microns": "um",
+    "millimetre": "mm",
+    "millimeter": "mm",
+    "metre": "m",
+    "meter": "m",
+}
 DOTS = re.compile(r"(\d+(?:\.\d+)?) ?(?:dpi|ppi)")
 
 
@@ -56,7 +63,10 @@ class DrawingUnit(NamedTuple):
         if dots and float(dots[1]) > 0:
             return cls(plain, INCH / float(dots[1]))
         if plain not in LENGTHS:
-            raise BadInput(f"units {printed(name)}, expected a unit of length{nearest(plain, LENGTHS)}, or 90dpi")
+            raise BadInput(
+                f"units {printed(name)}, expected a unit of length{nearest(plain, LENGTHS)}, or "
+                "90dpi"
+            )
         return cls(plain, LENGTHS[plain])
 
 

@@ -50,9 +50,15 @@ PLURALS = {
     "v": "v-shaped hinges",
     "profile": "hinges by table",
 }
-SINGULARS = {"leaf": "leaf", "circular": "notch", "profile": "hinge"}  # other shapes are named after themselves
+SINGULARS = {
+    "leaf": "leaf",
+    "circular": "notch",
+    "profile": "hinge",
+}  # other shapes are named after themselves
 UNITS = {"angle": "deg"}  # of dimensions that are not in mm
-GROUND, STAGE, LINK = "ground", "stage", "link"
+GROUND = "ground"
+STAGE = "stage"
+LINK = "link"
 ASSUMED_STACK = "AE0505D16"
 
 
@@ -72,7 +78,9 @@ class WrittenMechanism(NamedTuple):
 
 
 class Heading(NamedTuple):
-    """What a file states about the whole plate: its name, thickness, mm, material, and sources by key path."""
+    """What a file states about the whole plate: its name, thickness, mm, material, and sources by
+    key path.
+    """
 
     name: str
     thickness: float
@@ -82,11 +90,18 @@ class Heading(NamedTuple):
 
 def joint_of(hinge: FoundHinge, name: str = "") -> Joint:
     """Return a found hinge as a hinge of a layout, which cuts nothing from its bodies."""
-    sizes = {key: math.radians(value) if key == "angle" else value for key, value in hinge.dimensions.items()}
-    given: dict[str, Any] = {**sizes, "table": hinge.table, "smooth": hinge.smooth} if hinge.table else {**sizes}
+    sizes = {
+        key: math.radians(value) if key == "angle" else value
+        for key, value in hinge.dimensions.items()
+    }
+    given: dict[str, Any] = (
+        {**sizes, "table": hinge.table, "smooth": hinge.smooth} if hinge.table else {**sizes}
+    )
     if hinge.side is not None:
         given["side"] = hinge.side
-    return Joint(name, hinge.bodies, hinge.place, hinge.heading, profile_of(hinge.shape, given), 0.0)
+    return Joint(
+        name, hinge.bodies, hinge.place, hinge.heading, profile_of(hinge.shape, given), 0.0
+    )
 
 
 def written(found: FoundPlate, roles: Roles, heading: Heading) -> WrittenMechanism:
@@ -98,19 +113,27 @@ class _Writer:
     """The parts of a file and the text of it."""
 
     def __init__(self, found: FoundPlate, roles: Roles, heading: Heading) -> None:
-        self.found, self.roles, self.heading = found, roles, heading
+        self.found = found
+        self.roles = roles
+        self.heading = heading
         depths = _depths(found, roles)
         hinges = [_outwards(hinge, depths) for hinge in found.hinges]
         self.groups = equal_hinges(hinges)
         self.roots = _roots(self.groups)
         self.prefixes = _prefixes(self.groups, self.roots)
-        self.group_of = {member: k for k, group in enumerate(self.groups) for member in group.members}
+        self.group_of = {
+            member: k for k, group in enumerate(self.groups) for member in group.members
+        }
         shapes = [_shape(body, k, roles) for k, body in enumerate(found.bodies)]
         self.copies = find_copies(hinges, self.groups, shapes, _rounded_point)
         self.hinges = self._placed(hinges)
         self.joints = [joint_of(hinge) for hinge in self.hinges]
-        copied_bodies = {k for each in self.copies for images, _ in each.images for k in images.values()}
-        copied_hinges = {k for each in self.copies for _, images in each.images for k in images.values()}
+        copied_bodies = {
+            k for each in self.copies for images, _ in each.images for k in images.values()
+        }
+        copied_hinges = {
+            k for each in self.copies for _, images in each.images for k in images.values()
+        }
         kept = [k for k in range(len(found.bodies)) if k not in copied_bodies]
         self.bodies = sorted(kept, key=lambda k: (k not in roles.fixed, k != roles.output))
         self.originals = [k for k in range(len(hinges)) if k not in copied_hinges]
@@ -165,22 +188,41 @@ class _Writer:
 
     def written(self) -> WrittenMechanism:
         """Return the file."""
-        parts = [self._start(), self._parameters(), *map(self._body, self.bodies), *map(self._hinge, self.originals)]
-        parts += [*map(self._copy, self.copies), *self._actuators(), self._output(), self._provenance()]
+        parts = [
+            self._start(),
+            self._parameters(),
+            *map(self._body, self.bodies),
+            *map(self._hinge, self.originals),
+        ]
+        parts += [
+            *map(self._copy, self.copies),
+            *self._actuators(),
+            self._output(),
+            self._provenance(),
+        ]
         text = "\n\n".join(part for part in parts if part) + "\n"
         return WrittenMechanism(text, self.names, self.joints)
 
     def _start(self) -> str:
         drawing = self.found.drawing.path.name
-        bodies, hinges = len(self.found.bodies), len(self.found.hinges)
-        lines = [f"# Read from {drawing}: {_counted(bodies, 'body', 'bodies')}, {_counted(hinges, 'hinge', 'hinges')}."]
-        lines.append("# Points are x, y in mm as in the drawing. `flexfem schema mechanism` explains every key.")
+        bodies = len(self.found.bodies)
+        hinges = len(self.found.hinges)
+        lines = [
+            f"# Read from {drawing}: {_counted(bodies, 'body', 'bodies')}, "
+            f"{_counted(hinges, 'hinge', 'hinges')}."
+        ]
+        lines.append(
+            "# Points are x, y in mm as in the drawing. `flexfem schema mechanism` explains "
+            "every key."
+        )
         if self._has_parameters():
             lines.append(
-                "# Equal hinges share their dimensions in [parameters]: a change there changes all of them, and the"
+                "# Equal hinges share their dimensions in [parameters]: a change there changes "
+                "all of them, and the"
             )
             lines.append(
-                "# edges of bodies follow, because their corners are expressions of the parameters (without units)."
+                "# edges of bodies follow, because their corners are expressions of the "
+                "parameters (without units)."
             )
         lines += ["", f"name = {as_toml(self.heading.name)}"]
         lines.append(f"thickness_mm = {number_text(decimal(self.heading.thickness))}")
@@ -218,7 +260,11 @@ class _Writer:
         for hole in body.holes:
             lines += ["", "[[body.holes]]"]
             circle = circle_of(hole)
-            lines += _disc(*circle) if circle is not None else _corners(outline_rows(self._vertices(hole, index)))
+            lines += (
+                _disc(*circle)
+                if circle is not None
+                else _corners(outline_rows(self._vertices(hole, index)))
+            )
         return "\n".join(lines)
 
     def _vertices(self, loop: Sequence[Segment], body: int) -> list[PlacedVertex]:
@@ -227,11 +273,16 @@ class _Writer:
     def _clamped(self, vertices: Sequence[PlacedVertex], body: int) -> list[int]:
         """Return the edges of the written outline on which the clamped segments lie."""
         segments = self.roles.clamped[body]
-        edges = [k + 1 for k, vertex in enumerate(vertices) if set(segments) & set(vertex.vertex.after.segments)]
+        edges = [
+            k + 1
+            for k, vertex in enumerate(vertices)
+            if set(segments) & set(vertex.vertex.after.segments)
+        ]
         if not edges:
             place = complex(self.found.bodies[body].outside[segments[0]].at(0.5))
             raise BadInput(
-                f"ground {place.real:.6g},{place.imag:.6g}: this is a fillet, expected a point on an edge, or in a body"
+                f"ground {place.real:.6g},{place.imag:.6g}: this is a fillet, expected a point on "
+                "an edge, or in a body"
             )
         return edges
 
@@ -244,10 +295,15 @@ class _Writer:
         return found
 
     def _hinge(self, index: int) -> str:
-        hinge, group = self.hinges[index], self.groups[self.group_of[index]]
+        hinge = self.hinges[index]
+        group = self.groups[self.group_of[index]]
         prefix = self.prefixes[self.group_of[index]]
         between = [self.names.bodies[body] for body in hinge.bodies]
-        lines = ["[[hinge]]", f"name = {as_toml(self.names.hinges[index])}", f"between = {as_toml(between)}"]
+        lines = [
+            "[[hinge]]",
+            f"name = {as_toml(self.names.hinges[index])}",
+            f"between = {as_toml(between)}",
+        ]
         lines.append(f"at_mm = {row_text([hinge.place.real, hinge.place.imag])}")
         lines.append(f"direction_deg = {number_text(_degrees(hinge.heading))}")
         lines.append(f'shape = "{hinge.shape}"')
@@ -273,16 +329,27 @@ class _Writer:
         return "\n".join(lines)
 
     def _actuators(self) -> Iterator[str]:
-        for pushed, name in zip(self.roles.actuators, _lettered("drive", len(self.roles.actuators)), strict=True):
+        for pushed, name in zip(
+            self.roles.actuators, _lettered("drive", len(self.roles.actuators)), strict=True
+        ):
             between = [GROUND if body < 0 else self.names.bodies[body] for body in pushed.bodies]
             points = ", ".join(row_text([decimal(z.real), decimal(z.imag)]) for z in pushed.points)
-            lines = ["[[actuator]]", f'name = "{name}"', f"between = {as_toml(between)}", f"at_mm = [{points}]"]
+            lines = [
+                "[[actuator]]",
+                f'name = "{name}"',
+                f"between = {as_toml(between)}",
+                f"at_mm = [{points}]",
+            ]
             lines.append(f"stack = {as_toml(pushed.stack or ASSUMED_STACK)}")
             yield "\n".join(lines)
 
     def _output(self) -> str:
         at = row_text([decimal(self.roles.at.real), decimal(self.roles.at.imag)])
-        contact = "" if self.roles.contact is None else f"\ncontact_mm = {number_text(self.roles.contact)}"
+        contact = (
+            ""
+            if self.roles.contact is None
+            else f"\ncontact_mm = {number_text(self.roles.contact)}"
+        )
         return f"[output]\nbody = {as_toml(STAGE)}\nat_mm = {at}{contact}"
 
     def _provenance(self) -> str:
@@ -295,27 +362,43 @@ class _Writer:
         if self.copies:
             sources["copy"] = read
         for k, index in enumerate(self.bodies):
-            key = "fixed" if index in self.roles.fixed else "clamped_edges" if index in self.roles.clamped else ""
+            key = (
+                "fixed"
+                if index in self.roles.fixed
+                else "clamped_edges"
+                if index in self.roles.clamped
+                else ""
+            )
             if key:
                 about = self.names.bodies[index]
-                sources[f"body.{about}.{key}" if about.isidentifier() else f"body[{k}].{key}"] = self.roles.sources[
-                    "ground"
-                ]
+                sources[f"body.{about}.{key}" if about.isidentifier() else f"body[{k}].{key}"] = (
+                    self.roles.sources["ground"]
+                )
         sources["output"] = self.roles.sources["output"]
         if self.roles.contact is not None:
-            sources["output.contact_mm"] = "assumed: half of the edge at the output, or a twentieth of the body"
+            sources["output.contact_mm"] = (
+                "assumed: half of the edge at the output, or a twentieth of the body"
+            )
         for k, pushed in enumerate(self.roles.actuators):
             name = _lettered("drive", len(self.roles.actuators))[k]
             key = f"actuator.{name}" if name.isidentifier() else f"actuator[{k}]"
             sources[key] = "stated with the import"
             if not pushed.stack:
                 sources[f"{key}.stack"] = "assumed: no stack was stated"
-        return "\n".join(["[provenance]", *(f"{as_toml(key)} = {as_toml(text)}" for key, text in sources.items())])
+        return "\n".join(
+            [
+                "[provenance]",
+                *(f"{as_toml(key)} = {as_toml(text)}" for key, text in sources.items()),
+            ]
+        )
 
 
 def _depths(found: FoundPlate, roles: Roles) -> list[int]:
     """Return the number of hinges between the ground and each body."""
-    depths = [0 if k in roles.fixed or k in roles.clamped else len(found.bodies) for k in range(len(found.bodies))]
+    depths = [
+        0 if k in roles.fixed or k in roles.clamped else len(found.bodies)
+        for k in range(len(found.bodies))
+    ]
     for _ in found.bodies:
         for hinge in found.hinges:
             first, second = hinge.bodies
@@ -332,24 +415,31 @@ def _outwards(hinge: FoundHinge, depths: Sequence[int]) -> FoundHinge:
 
 def _shape(body: FoundBody, index: int, roles: Roles) -> PartShape:
     role = "fixed" if index in roles.fixed else "moves"
-    sides, clamped = list[Segment](), list[int]()
+    sides = list[Segment]()
+    clamped = list[int]()
     for loop in (body.outside, *body.holes):
         for vertex in vertices_of(loop, ()):
-            if loop is body.outside and set(vertex.after.segments) & set(roles.clamped.get(index, ())):
+            if loop is body.outside and set(vertex.after.segments) & set(
+                roles.clamped.get(index, ())
+            ):
                 clamped.append(len(sides))
             sides.append(Segment(vertex.after.start, vertex.after.end, vertex.after.centre))
     return shape_of(sides, clamped, None if index == roles.output else role)
 
 
 def _rounded(hinge: FoundHinge, group: EqualHinges) -> FoundHinge:
-    """Return a hinge with the dimensions of its group, and its place and direction as they are written."""
+    """Return a hinge with the dimensions of its group, and its place and direction as they are
+    written.
+    """
     reach = max(abs(joint_of(hinge).profile.length), joint_of(hinge).profile.end_height) / 2
     degrees = math.degrees(hinge.heading)
     fewer = round(degrees, 4)
     degrees = fewer if math.radians(abs(fewer - degrees)) * reach <= SNAP else degrees
     heading = math.radians(_degrees(math.radians(degrees)))
     rows = tuple(tuple(map(decimal, row)) for row in hinge.table)
-    return hinge._replace(place=_rounded_point(hinge.place), heading=heading, dimensions=_stated(group), table=rows)
+    return hinge._replace(
+        place=_rounded_point(hinge.place), heading=heading, dimensions=_stated(group), table=rows
+    )
 
 
 def _rounded_point(point: complex) -> complex:
@@ -367,7 +457,10 @@ def _stated(group: EqualHinges) -> dict[str, float]:
 
 
 def _moved(hinge: FoundHinge, move: Move, bodies: Mapping[int, int]) -> FoundHinge:
-    ends = (bodies.get(hinge.bodies[0], hinge.bodies[0]), bodies.get(hinge.bodies[1], hinge.bodies[1]))
+    ends = (
+        bodies.get(hinge.bodies[0], hinge.bodies[0]),
+        bodies.get(hinge.bodies[1], hinge.bodies[1]),
+    )
     image = mirrored(hinge) if move.mirrored else hinge
     return image._replace(bodies=ends, place=move(hinge.place), heading=move.heading(hinge.heading))
 
@@ -398,7 +491,8 @@ def _size(group: EqualHinges, prefix: str, side: str | None) -> HingeSize:
             length = (term(1, "length"),)
             return both(neck, term(1, "depth"))
         case "v":
-            half, angle = math.radians(sizes["angle"]) / 2, f"{prefix}angle / 2"
+            half = math.radians(sizes["angle"]) / 2
+            angle = f"{prefix}angle / 2"
             slope = f"{{}} * tan({angle})"
             length = (
                 term(2, "depth", slope, math.tan(half)),
@@ -410,8 +504,11 @@ def _size(group: EqualHinges, prefix: str, side: str | None) -> HingeSize:
 
 
 def _roots(groups: Sequence[EqualHinges]) -> list[str]:
-    """Return what the names of the hinges of each group begin with, such as "leaf", or "leaf 1" of several groups."""
-    counts, seen = Counter(group.shape for group in groups), Counter[str]()
+    """Return what the names of the hinges of each group begin with, such as "leaf", or "leaf 1" of
+    several groups.
+    """
+    counts = Counter(group.shape for group in groups)
+    seen = Counter[str]()
     found = list[str]()
     for group in groups:
         seen[group.shape] += 1
@@ -421,7 +518,9 @@ def _roots(groups: Sequence[EqualHinges]) -> list[str]:
 
 
 def _prefixes(groups: Sequence[EqualHinges], roots: Sequence[str]) -> list[str]:
-    """Return what the names of the parameters of each group begin with: nothing where there is one group alone."""
+    """Return what the names of the parameters of each group begin with: nothing where there is one
+    group alone.
+    """
     if sum(bool(group.dimensions) for group in groups) < 2:
         return [""] * len(groups)
     return [f"{root.replace(' ', '_')}_" for root in roots]

@@ -1,11 +1,12 @@
 """Outlines and masses of the bodies of a stage: pads, links, platform and the notches between them.
 
-Points are complex numbers, in mm. All three chains are drawn in the frame of chain 1; `turn` rotates them into place.
-`geometry/README.md` shows the rules: every body is as wide as the link, pads are as long as they are wide. Inner bends
-of links are rounded, because a sharp re-entrant corner would spoil the convergence of the finite elements. Each side of
-a lug follows the face of the hinge if that face meets the disc; otherwise it continues parallel to the neck into the
-disc, or, if it would miss the disc, runs tangentially to it. The hub is rigid, so it is not part of the meshed sectors.
-"""
+Points are complex numbers, in mm. All three chains are drawn in the frame of chain 1; `turn`
+rotates them into place. `geometry/README.md` shows the rules: every body is as wide as the link,
+pads are as long as they are wide. Inner bends of links are rounded, because a sharp re-entrant
+corner would spoil the convergence of the finite elements. Each side of a lug follows the face of
+the hinge if that face meets the disc; otherwise it continues parallel to the neck into the disc,
+or, if it would miss the disc, runs tangentially to it. The hub is rigid, so it is not part of the
+meshed sectors."""
 
 from __future__ import annotations
 
@@ -39,9 +40,13 @@ from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Hinge, StageConten
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 
-FILLET = 1 / 8  # radius of an inner bend, and length of the straight stub next to a notch, per link width
+FILLET = (
+    1 / 8
+)  # radius of an inner bend, and length of the straight stub next to a notch, per link width
 LUG = 1 / 2  # length of the straight part of a lug that is tangential to the disc, per link width
-NARROWEST_RIM = np.deg2rad(2.0)  # least free rim between two lugs, where the cut between two sectors lies
+NARROWEST_RIM = np.deg2rad(
+    2.0
+)  # least free rim between two lugs, where the cut between two sectors lies
 BODIES = ("pad", "link 1", "link 2", "platform")
 
 
@@ -53,7 +58,8 @@ def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
 @once
 def necks(stage: StageContent, chain: int) -> tuple[Pose, ...]:
     """Neck centres and directions of one chain (1 to 3), base to platform, in the frame of chain 1."""
-    frames, angle = stage_frames(stage), -(chain - 1) * CHAIN_TURN
+    frames = stage_frames(stage)
+    angle = -(chain - 1) * CHAIN_TURN
     centres = turned(frames.centres[chain - 1], angle)
     axes = frames.axes[chain - 1] + angle
     return tuple(Pose(complex(*centre), axis) for centre, axis in zip(centres, axes, strict=True))
@@ -71,23 +77,33 @@ def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], .
 
     Raises BadInput when no link can be drawn between two hinges.
     """
-    poses, width = necks(stage, chain), stage.chain.link_width
+    poses = necks(stage, chain)
+    width = stage.chain.link_width
     radii = [stage.hinge(chain, name).radius for name in HINGE_NAMES]
-    lines = [tuple(polyline(poses[0].ahead(-radii[0] - width).point, poses[0].ahead(-radii[0]).point))]
+    lines = [
+        tuple(polyline(poses[0].ahead(-radii[0] - width).point, poses[0].ahead(-radii[0]).point))
+    ]
     for k in (1, 2):
-        leave, arrive = poses[k - 1].ahead(radii[k - 1]), poses[k].ahead(-radii[k])
+        leave = poses[k - 1].ahead(radii[k - 1])
+        arrive = poses[k].ahead(-radii[k])
         bend = _bend(leave, arrive, width)
         if bend is None:
-            low, high = 0.0, width
+            low = 0.0
+            high = width
             for _ in range(24):  # bisection: the widest link that can be drawn
                 middle = (low + high) / 2
-                low, high = (low, middle) if _bend(leave, arrive, middle) is None else (middle, high)
+                low, high = (
+                    (low, middle) if _bend(leave, arrive, middle) is None else (middle, high)
+                )
             raise BadInput(
-                f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, expected room for link {k} of "
-                f"chain {chain}: no strip {width:g} mm wide can be drawn from hinge to hinge at {given_angles(stage)}, "
+                f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, expected room for "
+                f"link {k} of chain {chain}: no strip {width:g} mm wide can be drawn from hinge "
+                f"to hinge at {given_angles(stage)}, "
                 f"{f'only with chain.link_width_mm < {high:.4g}' if low else 'nor with any other chain.link_width_mm'}"
             )
-        lines.append((*polyline(leave.point, bend[0].start), *bend, *polyline(bend[-1].end, arrive.point)))
+        lines.append(
+            (*polyline(leave.point, bend[0].start), *bend, *polyline(bend[-1].end, arrive.point))
+        )
     return tuple(lines)
 
 
@@ -96,13 +112,19 @@ def _bend(leave: Pose, arrive: Pose, width: float) -> list[Segment] | None:
     return shortest_path(leave.ahead(stub), arrive.ahead(-stub), width / 2 + stub)
 
 
-def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[Segment], list[Segment]]:
-    """Both halves of the notch on one side (1 left, -1 right) along the neck: wall and arc, then arc and wall."""
+def notch_side(
+    neck: Pose, hinge: Hinge, width: float, side: int
+) -> tuple[list[Segment], list[Segment]]:
+    """Both halves of the notch on one side (1 left, -1 right) along the neck: wall and arc, then
+    arc and wall.
+    """
     along = cmath.exp(1j * neck.heading)
-    radius, across = hinge.radius, 1j * side * along
+    radius = hinge.radius
+    across = 1j * side * along
     bottom = neck.point + hinge.neck / 2 * across
     middle = bottom + radius * across
-    enter, leave = middle - radius * along, middle + radius * along
+    enter = middle - radius * along
+    leave = middle + radius * along
     edge = (width / 2 - hinge.neck / 2 - radius) * across
     return (
         [*polyline(enter + edge, enter), Segment(enter, bottom, middle)],
@@ -111,7 +133,9 @@ def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[
 
 
 def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]]:
-    """Edges of pad, link 1, link 2 and platform lug on one side (1 left, -1 right), each from neck to neck."""
+    """Edges of pad, link 1, link 2 and platform lug on one side (1 left, -1 right), each from neck
+    to neck.
+    """
     width = stage.chain.link_width
     lines = [offset(line, side * width / 2) for line in centrelines(stage, chain)]
     notches = [
@@ -119,7 +143,12 @@ def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]
         for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True)
     ]
     pad, first, second = ([*line, *notch[0]] for line, notch in zip(lines, notches, strict=True))
-    return [pad, notches[0][1] + first, notches[1][1] + second, [*notches[2][1], *lug_side(stage, chain, side)]]
+    return [
+        pad,
+        notches[0][1] + first,
+        notches[1][1] + second,
+        [*notches[2][1], *lug_side(stage, chain, side)],
+    ]
 
 
 @once
@@ -128,20 +157,24 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
 
     Raises BadInput when the lug cannot reach the disc.
     """
-    neck, width, hinge = necks(stage, chain)[2], stage.chain.link_width, stage.hinge(chain, "platform")
+    neck = necks(stage, chain)[2]
+    width = stage.chain.link_width
+    hinge = stage.hinge(chain, "platform")
     along = cmath.exp(1j * neck.heading)
     across = 1j * side * along
     corner = neck.ahead(hinge.radius).point + width / 2 * across
-    front, aside = -(corner / along).real, side * (-(corner / along)).imag  # centre of the disc relative to the corner
-    disc, fillet = stage.platform.radius, FILLET * width
+    front = -(corner / along).real
+    aside = side * (-(corner / along)).imag  # centre of the disc relative to the corner
+    disc = stage.platform.radius
+    fillet = FILLET * width
     if front < width - disc:
         given = given_angles(stage)
         if hinge.axis is not None:
             given = f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(hinge.axis):.6g}"
         raise BadInput(
-            f"{given}: the neck of chain {chain} points past the platform, expected the platform centre at least "
-            f"link_width - platform.radius = {width - disc:g} mm ahead of the hinge's face, not {front:g}, "
-            f"or platform.radius_mm >= {width - front:g}"
+            f"{given}: the neck of chain {chain} points past the platform, expected the platform "
+            f"centre at least link_width - platform.radius = {width - disc:g} mm ahead of the "
+            f"hinge's face, not {front:g}, or platform.radius_mm >= {width - front:g}"
         )
     if aside > 0 and front < disc:  # the face of the hinge meets the disc
         return tuple(_filleted(corner, across, -along, disc, fillet))
@@ -152,8 +185,12 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     return tuple(polyline(corner, end, disc * cmath.exp(1j * touch)))
 
 
-def _filleted(start: complex, heading: complex, outside: complex, disc: float, fillet: float) -> list[Segment]:
-    """Line from `start` along `heading` into the disc, with a fillet on the side `outside` (unit vectors)."""
+def _filleted(
+    start: complex, heading: complex, outside: complex, disc: float, fillet: float
+) -> list[Segment]:
+    """Line from `start` along `heading` into the disc, with a fillet on the side `outside` (unit
+    vectors).
+    """
     height = ((start + fillet * outside) / outside).real
     centre = height * outside - np.sqrt((disc + fillet) ** 2 - height**2) * heading
     foot = centre - fillet * outside
@@ -161,29 +198,34 @@ def _filleted(start: complex, heading: complex, outside: complex, disc: float, f
         front = -(start / heading).real
         most = f"<= {np.hypot(front, height) - fillet:.6g}, or " * bool(front > 0)
         raise BadInput(
-            f"platform.radius_mm = {disc:g}, the platform covers the platform hinge; expected {most}a longer "
-            "chain.link_lengths_mm[2]"
+            f"platform.radius_mm = {disc:g}, the platform covers the platform hinge; expected "
+            f"{most}a longer chain.link_lengths_mm[2]"
         )
     return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
 
 
 @once
 def cut_angle(stage: StageContent) -> float:
-    """Direction, rad, of the radial cut clockwise of the lug of chain 1, half way to the adjacent lug.
+    """Direction, rad, of the radial cut clockwise of the lug of chain 1, half way to the adjacent
+    lug.
 
     Raises BadInput when the lugs leave no free rim between them.
     """
     middle = cmath.phase(sum(necks(stage, chain)[2].point for chain in CHAINS))
     first, last = (
-        [cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * middle)) for chain in CHAINS]
+        [
+            cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * middle))
+            for chain in CHAINS
+        ]
         for side in (1, -1)
     )
     covered = max(last) - min(first)
     if covered > CHAIN_TURN - NARROWEST_RIM:
         raise BadInput(
-            f"platform.radius_mm = {stage.platform.radius:g}, expected a platform large enough for its three lugs, "
-            f"each covers {np.rad2deg(covered):.0f} of 120 degrees and may cover "
-            f"{np.rad2deg(CHAIN_TURN - NARROWEST_RIM):.0f} at chain.link_width_mm = {stage.chain.link_width:g}"
+            f"platform.radius_mm = {stage.platform.radius:g}, expected a platform large enough "
+            f"for its three lugs, each covers {np.rad2deg(covered):.0f} of 120 degrees and may "
+            f"cover {np.rad2deg(CHAIN_TURN - NARROWEST_RIM):.0f} at chain.link_width_mm = "
+            f"{stage.chain.link_width:g}"
         )
     return float(middle + (min(first) + max(last) - CHAIN_TURN) / 2)
 
@@ -201,15 +243,23 @@ def draw_sector(stage: StageContent, chain: int) -> Mapping[str, Face]:
         start = Segment(left_edge[0].start, right_edge[0].start)
         end = Segment(right_edge[-1].end, left_edge[-1].end)
         distal = [(sections[k + 1], [end])] if k < 3 else _platform(stage, end)
-        pieces = [(sections[k], [start]), ("free", right_edge), *distal, ("free", reverse(left_edge))]
+        pieces = [
+            (sections[k], [start]),
+            ("free", right_edge),
+            *distal,
+            ("free", reverse(left_edge)),
+        ]
         path = [(segment, label) for label, piece in pieces for segment in piece]
         faces[BODIES[k]] = Face([segment for segment, _ in path], [label for _, label in path])
     return MappingProxyType(faces)
 
 
 def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment]]]:
-    """Outline of the platform in a sector, from the end of the lug's right side to the end of its left side."""
-    disc, hub = stage.platform.radius, stage.platform.hub_radius
+    """Outline of the platform in a sector, from the end of the lug's right side to the end of its
+    left side.
+    """
+    disc = stage.platform.radius
+    hub = stage.platform.hub_radius
     first = cut_angle(stage)
     behind, middle, ahead = (cmath.exp(1j * (first + k * CHAIN_TURN / 2)) for k in (0, 1, 2))
     return [
@@ -223,22 +273,29 @@ def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment
 
 @once
 def stage_layout(stage: StageContent, refuse: bool = True) -> Layout:
-    """Return a stage as any other mechanism: three pads and six links, the platform without its hub, nine hinges.
+    """Return a stage as any other mechanism: three pads and six links, the platform without its
+    hub, nine hinges.
 
-    Raises BadInput for bodies that cannot be drawn. Without `refuse`, for drawings, strips between the necks and the
-    disc of the platform stand for them, and the refusal is the key of the body at fault.
-    """
-    width, drawn, faults = stage.chain.link_width, dict[str, list[Segment]](), list[str]()
+    Raises BadInput for bodies that cannot be drawn. Without `refuse`, for drawings, strips between
+    the necks and the disc of the platform stand for them, and the refusal is the key of the body at
+    fault."""
+    width = stage.chain.link_width
+    drawn = dict[str, list[Segment]]()
+    faults = list[str]()
     for chain in CHAINS:
         try:
             lines: Sequence[Sequence[Segment]] = centrelines(stage, chain)
         except BadInput as refusal:
             if refuse:
                 raise
-            poses, radii = necks(stage, chain), [stage.hinge(chain, at).radius for at in HINGE_NAMES]
+            poses = necks(stage, chain)
+            radii = [stage.hinge(chain, at).radius for at in HINGE_NAMES]
             starts = [poses[0].ahead(-radii[0] - width), *map(Pose.ahead, poses, radii)]
             faces = [pose.ahead(-radius) for pose, radius in zip(poses, radii, strict=True)]
-            lines = [polyline(start.point, face.point) for start, face in zip(starts, faces, strict=False)]
+            lines = [
+                polyline(start.point, face.point)
+                for start, face in zip(starts, faces, strict=False)
+            ]
             faults.append(refusal.reason)
         for name, line in zip(BODIES, lines, strict=False):
             left, right = (turn(offset(line, side * width / 2), chain) for side in (1, -1))
@@ -257,21 +314,28 @@ def stage_layout(stage: StageContent, refuse: bool = True) -> Layout:
         Body(
             name,
             tuple(loop),
-            holes=(tuple(reverse(disc(0j, stage.platform.hub_radius).loop)),) if name == "platform" else (),
+            holes=(tuple(reverse(disc(0j, stage.platform.hub_radius).loop)),)
+            if name == "platform"
+            else (),
             clamped=(0,) if name.startswith("pad") else (),
             width=None if name == "platform" else width,
             key=next((fault for fault in faults if name in fault), f"{given}, {name}"),
         )
         for name, loop in drawn.items()
     ]
-    joints, frames = list[Joint](), stage_frames(stage)
+    joints = list[Joint]()
+    frames = stage_frames(stage)
     for chain, k in product(range(3), range(3)):
-        name, hinge = HINGE_NAMES[k], stage.hinge(chain + 1, HINGE_NAMES[k])
+        name = HINGE_NAMES[k]
+        hinge = stage.hinge(chain + 1, HINGE_NAMES[k])
         joined = 3 * chain + k, 3 * chain + k + 1 if k < 2 else len(bodies) - 1
-        place, heading = complex(*frames.centres[chain, k]), float(frames.axes[chain, k])
+        place = complex(*frames.centres[chain, k])
+        heading = float(frames.axes[chain, k])
         key = key_of(stage, chain + 1, name, "radius_mm").removesuffix(".radius_mm")
         profile = Circular(hinge.neck, hinge.radius)
-        joints.append(Joint(f"{name} hinge of chain {chain + 1}", joined, place, heading, profile, 0.0, key))
+        joints.append(
+            Joint(f"{name} hinge of chain {chain + 1}", joined, place, heading, profile, 0.0, key)
+        )
     return Layout(
         bodies=tuple(bodies),
         joints=tuple(joints),
@@ -286,7 +350,8 @@ def _platform_outline(stage: StageContent) -> list[Segment]:
     lugs = [[turn(lug_side(stage, chain, side), chain) for side in (1, -1)] for chain in CHAINS]
     outline = list[Segment]()
     for (left, right), (following, _) in zip(lugs, [*lugs[1:], lugs[0]], strict=True):
-        face, rim = Segment(left[0].start, right[0].start), Segment(right[-1].end, following[-1].end, 0j)
+        face = Segment(left[0].start, right[0].start)
+        rim = Segment(right[-1].end, following[-1].end, 0j)
         outline += [*reverse(left), face, *right, rim]
     return outline
 
@@ -294,8 +359,8 @@ def _platform_outline(stage: StageContent) -> list[Segment]:
 class Payload(NamedTuple):
     """Payload of the platform, with its centre of mass at the platform centre and in the mid-plane.
 
-    mass : tonne.   inertia, tilting : tonne mm^2, about the normal of the stage and about every axis in its mid-plane.
-    """
+    mass : tonne.   inertia, tilting : tonne mm^2, about the normal of the stage and about every
+    axis in its mid-plane."""
 
     mass: float = 0.0
     inertia: float = 0.0
@@ -309,7 +374,9 @@ class Payload(NamedTuple):
 
 @once
 def body_moments(stage: StageContent) -> AnyArray:
-    """Area moments (3 chains, 4 bodies, 3), complex, of pad, links and platform sector, frame of the stage."""
+    """Area moments (3 chains, 4 bodies, 3), complex, of pad, links and platform sector, frame of
+    the stage.
+    """
     sectors = [draw_sector(stage, chain).values() for chain in CHAINS]
     moments = np.array([[area_moments(face.loop)[:3] for face in sector] for sector in sectors])
     moments[..., 1] *= np.exp(1j * CHAIN_TURN * np.arange(3.0))[:, None]
@@ -323,12 +390,14 @@ def hub_moments(stage: StageContent) -> Array:
 
 
 def inertia_of(moments: AnyArray, areal: Array | float) -> Array:
-    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies for a motion x, y, theta of the origin.
+    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies for a motion x, y, theta of the
+    origin.
 
-    moments : (..., 3), area integrals of 1, z and |z|^2, mm^2 to mm^4.   areal : (...), mass per area, tonne/mm^2.
-    """
+    moments : (..., 3), area integrals of 1, z and |z|^2, mm^2 to mm^4.   areal : (...), mass per
+    area, tonne/mm^2."""
     values = np.moveaxis(moments * np.asarray(areal)[..., None], -1, 0)
-    (mass, x, second), y = values.real, values[1].imag
+    mass, x, second = values.real
+    y = values[1].imag
     zero = np.zeros_like(mass)
     rows = [[mass, zero, -y], [zero, mass, x], [-y, x, second]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
@@ -345,10 +414,11 @@ def carried(stage: StageContent, payload: Payload) -> Array:
 
 
 def carried_out_of_plane(stage: StageContent, payload: Payload) -> Array:
-    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload for z and the rotations about x and y.
+    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload for z and the rotations about x and
+    y.
 
-    The moment of inertia of a disc of radius r and thickness b about a diameter is `m (r^2 / 4 + b^2 / 12)`.
-    """
+    The moment of inertia of a disc of radius r and thickness b about a diameter is `m (r^2 / 4 +
+    b^2 / 12)`."""
     mass, _, second = np.diag(inertia_of(hub_moments(stage), mass_per_area(stage)))
     tilting = second / 2 + mass * stage.thickness**2 / 12 + payload.tilting
     return np.diag([mass + payload.mass, tilting, tilting])

@@ -1,11 +1,12 @@
-"""Curves of force against displacement of a driven port, for any model that finds an equilibrium on a line.
+"""Curves of force against displacement of a driven port, for any model that finds an equilibrium on
+a line.
 
-The line `a u + b f = c` in the plane of the displacement u and the force f prescribes the displacement (b = 0) wherever
-the curve can be passed by this, and otherwise is normal to the curve: control of the arc length. The tangent compliance
-of the port and the number of negative pivots of the tangent stiffness show where the curve has a limit, where it
-branches, and which equilibria are stable. E. Riks, Int. J. Solids Structures 15 (1979) 529; M. A. Crisfield, Non-linear
-Finite Element Analysis 1, 1991, chapter 9.
-"""
+The line `a u + b f = c` in the plane of the displacement u and the force f prescribes the
+displacement (b = 0) wherever the curve can be passed by this, and otherwise is normal to the curve:
+control of the arc length. The tangent compliance of the port and the number of negative pivots of
+the tangent stiffness show where the curve has a limit, where it branches, and which equilibria are
+stable. E. Riks, Int. J. Solids Structures 15 (1979) 529; M. A. Crisfield, Non-linear Finite Element
+Analysis 1, 1991, chapter 9."""
 
 from __future__ import annotations
 
@@ -17,11 +18,16 @@ import numpy as np
 
 from flexfem.arrays import Array
 
-FIRST_STEP, LARGEST_STEP, LEAST_STEP = 1 / 16, 1 / 5, 1e-5  # of the displacement asked for, or of the largest force
-FIRST_FORCE = 0.1  # of the force by linear theory at the displacement asked for: the first guess of the largest force
+FIRST_STEP = 1 / 16
+LARGEST_STEP = 1 / 5
+LEAST_STEP = 1e-5  # of the displacement asked for, or of the largest force
+# of the force by linear theory at the displacement asked for: the first guess of the largest force
+FIRST_FORCE = 0.1
 GROWTH = 1.5  # of a step after one that is accepted
-STEEP = 0.1  # displacement of a step, per displacement asked for, below which the force is no longer its result
-TURN = 0.5  # cosine of the angle between tangents before and after a step; a step that turns more is divided
+# displacement of a step, per displacement asked for, below which the force is no longer its result
+STEEP = 0.1
+# cosine of the angle between tangents before and after a step; a step that turns more is divided
+TURN = 0.5
 MOST_POINTS = 400
 REFINED = 6  # equilibria that locate a limit at most
 LEAST_SHARE = 0.02  # of an interval, at which a limit is sought near its ends
@@ -29,15 +35,22 @@ FOUND = 1e-6  # of the tangent, or of the largest force, at a limit
 HALVED = 7  # times that an interval with a bifurcation is halved
 AMPLIFIED = 10.0  # growth of a compliance at a bifurcation from which its port takes part
 LONGEST_JUMP = 4  # points of a curve that another model passes at once
-NEAR = 0.15  # distance of the equilibria of two models, as shares, up to which they are on one branch
-HIGHEST, FURTHEST, WITHOUT_FORCE, BIFURCATION = "limit of the force", "limit of the displacement", "no force", "branch"
+NEAR = (
+    0.15  # distance of the equilibria of two models, as shares, up to which they are on one branch
+)
+HIGHEST = "limit of the force"
+FURTHEST = "limit of the displacement"
+WITHOUT_FORCE = "no force"
+BIFURCATION = "branch"
 
 
 class CurvePoint(NamedTuple):
     """An equilibrium under a load on one port, of a mechanism with k ports.
 
-    motions, loads : (k,), mm and rad, N and N mm.   compliance : (k, k), tangent, between the ports.
-    unstable : number of negative pivots of the tangent stiffness under the dead load.   strain : the largest, or nan.
+    motions, loads : (k,), mm and rad, N and N mm.   compliance : (k, k), tangent, between the
+    ports.
+    unstable : number of negative pivots of the tangent stiffness under the dead load.   strain :
+    the largest, or nan.
     state : unknowns of the model.
     """
 
@@ -58,10 +71,11 @@ Reach: TypeAlias = Callable[[CurvePoint, Line], CurvePoint | None]
 class Event(NamedTuple):
     """A point of a curve where its stability changes, or that needs no force.
 
-    kind : `HIGHEST` or `FURTHEST`, where force or displacement has an extremum; `WITHOUT_FORCE`; `BIFURCATION`.
+    kind : `HIGHEST` or `FURTHEST`, where force or displacement has an extremum; `WITHOUT_FORCE`;
+    `BIFURCATION`.
     port : at a bifurcation, the one that takes part; -1 if none does.
-    bend : at an extremum, change of the slope from the point before, per displacement or, of `FURTHEST`, per force.
-    """
+    bend : at an extremum, change of the slope from the point before, per displacement or, of
+    `FURTHEST`, per force."""
 
     kind: str
     at: CurvePoint
@@ -70,9 +84,11 @@ class Event(NamedTuple):
 
 
 class ForceCurve(NamedTuple):
-    """Equilibria along a curve from rest, and its events in their order, each after the point of a number.
+    """Equilibria along a curve from rest, and its events in their order, each after the point of a
+    number.
 
-    lines : across the curve at every point.   complete : whether it reaches the displacement asked for.
+    lines : across the curve at every point.   complete : whether it reaches the displacement asked
+    for.
     scale : (2,), largest displacement and force.
     """
 
@@ -84,7 +100,9 @@ class ForceCurve(NamedTuple):
 
 
 class _Placed(NamedTuple):
-    """A point of a curve, its place (2,) and tangent (2,) as shares of the largest displacement and force."""
+    """A point of a curve, its place (2,) and tangent (2,) as shares of the largest displacement and
+    force.
+    """
 
     at: CurvePoint
     place: Array
@@ -122,7 +140,9 @@ class Followed:
         for number, (one, other) in enumerate(pairwise(points)):
             events += [(number, event) for event in self._events(one, other, rest)]
         lines = [self._across(point.tangent, point.place) for point in points]
-        return ForceCurve([point.at for point in points], events, lines, self._is_at_end(points[-1]), self.scale)
+        return ForceCurve(
+            [point.at for point in points], events, lines, self._is_at_end(points[-1]), self.scale
+        )
 
     def _values(self, at: CurvePoint) -> Array:
         """Displacement and force (2,) of the port."""
@@ -132,7 +152,9 @@ class Followed:
         """Return a point with its tangent, which points to the same side as `along` (2,)."""
         tangent = np.array([at.compliance[self.port, self.port], 1.0]) / self.scale
         tangent /= np.hypot(*tangent)
-        return _Placed(at, self._values(at) / self.scale, tangent * (1.0 if tangent @ along >= 0 else -1.0))
+        return _Placed(
+            at, self._values(at) / self.scale, tangent * (1.0 if tangent @ along >= 0 else -1.0)
+        )
 
     def _is_at_end(self, point: _Placed) -> bool:
         return bool(self.sign * point.at.motions[self.port] >= abs(self.end) * (1 - LEAST_STEP))
@@ -150,10 +172,17 @@ class Followed:
             return None
         way = self._values(at) / self.scale - before.place
         after = self._placed(at, way)
-        if self.held_unstable(at) == self.held_unstable(before.at) and before.tangent[0] * after.tangent[0] < 0:
-            after = after._replace(tangent=-after.tangent)  # the displacement has no limit in between
+        if (
+            self.held_unstable(at) == self.held_unstable(before.at)
+            and before.tangent[0] * after.tangent[0] < 0
+        ):
+            after = after._replace(
+                tangent=-after.tangent
+            )  # the displacement has no limit in between
         chord = way / np.hypot(*way)
-        turned = float(min(before.tangent @ after.tangent, before.tangent @ chord, after.tangent @ chord))
+        turned = float(
+            min(before.tangent @ after.tangent, before.tangent @ chord, after.tangent @ chord)
+        )
         jumped = abs(at.unstable - before.at.unstable) > 1
         if (turned < TURN or jumped) and step > LARGEST_STEP * LEAST_STEP**0.5:
             return None
@@ -184,28 +213,38 @@ class Followed:
         if abs(self.held_unstable(one.at) - self.held_unstable(other.at)) > int(turned):
             at = self._halved(one, other)
             found.append(Event(BIFURCATION, at, self._taking_part(at, rest)))
-        return sorted(found, key=lambda event: float(np.hypot(*(self._values(event.at) / self.scale - one.place))))
+        return sorted(
+            found,
+            key=lambda event: float(np.hypot(*(self._values(event.at) / self.scale - one.place))),
+        )
 
     def held_unstable(self, at: CurvePoint) -> int:
         """Return the number of negative pivots with the displacement of the port prescribed."""
         return at.unstable - int(at.compliance[self.port, self.port] < 0)
 
     def _between(self, one: _Placed, other: _Placed, share: float) -> _Placed | None:
-        """Return the point at a share of the way between two, on the line across a cubic curve through both."""
+        """Return the point at a share of the way between two, on the line across a cubic curve
+        through both.
+        """
         chord = float(np.hypot(*(other.place - one.place)))
         s = share
         place = one.place * (1 + 2 * s) * (1 - s) ** 2 + other.place * s**2 * (3 - 2 * s)
         place = place + chord * (one.tangent * s * (1 - s) ** 2 - other.tangent * s**2 * (1 - s))
         slope = 6 * s * (1 - s) * (other.place - one.place)
-        slope = slope + chord * (one.tangent * (1 - s) * (1 - 3 * s) - other.tangent * s * (2 - 3 * s))
+        slope = slope + chord * (
+            one.tangent * (1 - s) * (1 - 3 * s) - other.tangent * s * (2 - 3 * s)
+        )
         slope /= np.hypot(*slope)
         at = self.reach(one.at, self._across(slope, place))
         return None if at is None else self._placed(at, slope)
 
-    def _located(self, one: _Placed, other: _Placed, value: Callable[[_Placed], float]) -> CurvePoint:
+    def _located(
+        self, one: _Placed, other: _Placed, value: Callable[[_Placed], float]
+    ) -> CurvePoint:
         """Return the point between two at which a value is zero, by the Illinois method."""
         best = min(one, other, key=lambda point: abs(value(point)))
-        first, second = value(one), value(other)
+        first = value(one)
+        second = value(other)
         kept = 0  # side on which the last point was replaced: the value on the other is then halved
         for _ in range(REFINED):
             share = first / (first - second)
@@ -218,14 +257,20 @@ class Followed:
                 break
             if found * first > 0:
                 second = second / 2 if kept == 1 else second
-                one, first, kept = middle, found, 1
+                one = middle
+                first = found
+                kept = 1
             else:
                 first = first / 2 if kept == 2 else first
-                other, second, kept = middle, found, 2
+                other = middle
+                second = found
+                kept = 2
         return best.at
 
     def _halved(self, one: _Placed, other: _Placed) -> CurvePoint:
-        """Return the point between two from which the number of negative pivots is that of the second one."""
+        """Return the point between two from which the number of negative pivots is that of the
+        second one.
+        """
         for _ in range(HALVED):
             middle = self._between(one, other, 0.5)
             if middle is None:
@@ -237,10 +282,13 @@ class Followed:
         return other.at
 
     def _taking_part(self, at: CurvePoint, rest: CurvePoint) -> int:
-        """Return the port of the output whose compliance, with the driven one held, grows most towards a branch."""
+        """Return the port of the output whose compliance, with the driven one held, grows most
+        towards a branch.
+        """
         others = [port for port in range(3) if port != self.port]
         growth = [
-            abs(_held_compliance(at, self.port, port) / _held_compliance(rest, self.port, port)) for port in others
+            abs(_held_compliance(at, self.port, port) / _held_compliance(rest, self.port, port))
+            for port in others
         ]
         most = int(np.argmax(growth))
         return others[most] if growth[most] > AMPLIFIED else -1
@@ -253,7 +301,8 @@ def _held_compliance(at: CurvePoint, driven: int, port: int) -> float:
 
 
 def at_extremum(event: Event, near: CurvePoint, port: int) -> CurvePoint:
-    """Return the extremum of the curve of another model, from its equilibrium at the place of an event.
+    """Return the extremum of the curve of another model, from its equilibrium at the place of an
+    event.
 
     To second order in the distance, by the change of the slope of the first model.
     """
@@ -272,7 +321,8 @@ def at_extremum(event: Event, near: CurvePoint, port: int) -> CurvePoint:
 
 
 class Waypoint(NamedTuple):
-    """A point of a curve, and the line on which another model finds its own: by displacement or force alone if wanted.
+    """A point of a curve, and the line on which another model finds its own: by displacement or
+    force alone if wanted.
 
     event : that of the point; None of other points.   wanted : whether it is part of the answer.
     """
@@ -283,22 +333,31 @@ class Waypoint(NamedTuple):
     event: Event | None = None
 
 
-def way_along(curve: ForceCurve, reach: Reach, port: int, displacements: Sequence[float]) -> list[Waypoint]:
-    """Return the points of a curve in their order: its own, its events, and those first at displacements, mm or rad."""
+def way_along(
+    curve: ForceCurve, reach: Reach, port: int, displacements: Sequence[float]
+) -> list[Waypoint]:
+    """Return the points of a curve in their order: its own, its events, and those first at
+    displacements, mm or rad.
+    """
     placed = list[tuple[int, float, Waypoint]]()
     for number, (point, line) in enumerate(zip(curve.points, curve.lines, strict=True)):
         placed.append((number, 0.0, Waypoint(point, line)))
     for number, event in curve.events:
-        u, f = float(event.at.motions[port]), float(event.at.loads[port])
+        u = float(event.at.motions[port])
+        f = float(event.at.loads[port])
         line = (1.0, 0.0, u) if event.kind in (HIGHEST, BIFURCATION) else (0.0, 1.0, f)
         if event.kind == WITHOUT_FORCE:
             line = UNLOADED
-        way = np.array([u - curve.points[number].motions[port], f - curve.points[number].loads[port]])
+        way = np.array(
+            [u - curve.points[number].motions[port], f - curve.points[number].loads[port]]
+        )
         distance = float(np.hypot(*(way / curve.scale)))
         placed.append((number, distance, Waypoint(event.at, line, True, event)))
     driven = np.array([point.motions[port] for point in curve.points])
     for displacement in displacements:
-        beyond = np.flatnonzero(np.sign(displacement) * driven >= abs(displacement) * (1 - LEAST_STEP))
+        beyond = np.flatnonzero(
+            np.sign(displacement) * driven >= abs(displacement) * (1 - LEAST_STEP)
+        )
         if not len(beyond):
             break
         number = max(0, int(beyond[0]) - 1)
@@ -307,7 +366,10 @@ def way_along(curve: ForceCurve, reach: Reach, port: int, displacements: Sequenc
         if at is None:
             break
         way = np.array(
-            [displacement - curve.points[number].motions[port], at.loads[port] - curve.points[number].loads[port]]
+            [
+                displacement - curve.points[number].motions[port],
+                at.loads[port] - curve.points[number].loads[port],
+            ]
         )
         distance = float(np.hypot(*(way / curve.scale)))
         placed.append((number, distance, Waypoint(at, line, True)))
@@ -317,7 +379,8 @@ def way_along(curve: ForceCurve, reach: Reach, port: int, displacements: Sequenc
 def replayed(
     reach: Reach, rest: CurvePoint, way: Sequence[Waypoint], port: int, scale: Array
 ) -> list[CurvePoint | None]:
-    """Return the equilibria of another model at the wanted points of a curve; None from one that is not found.
+    """Return the equilibria of another model at the wanted points of a curve; None from one that is
+    not found.
 
     A jump that does not end near the point of the curve is divided at a point in between.
     """
@@ -326,7 +389,10 @@ def replayed(
         if goal - start <= LONGEST_JUMP:
             after = reach(at, way[goal].line)
             if after is not None:
-                apart = [after.motions[port] - way[goal].at.motions[port], after.loads[port] - way[goal].at.loads[port]]
+                apart = [
+                    after.motions[port] - way[goal].at.motions[port],
+                    after.loads[port] - way[goal].at.loads[port],
+                ]
                 if np.hypot(*(np.array(apart) / scale)) < NEAR:
                     return after
             if goal == start + 1:

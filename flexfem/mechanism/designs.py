@@ -19,7 +19,9 @@ SHARED = ("plane", "prismatic")  # fields without a leading axis of designs
 
 
 class Elastic(NamedTuple):
-    """Elastic constants of the equivalent plane-stress problem: E (...) in MPa, Poisson's ratio (...)."""
+    """Elastic constants of the equivalent plane-stress problem: E (...) in MPa, Poisson's ratio
+    (...).
+    """
 
     youngs_modulus: Array
     poissons_ratio: Array
@@ -27,17 +29,20 @@ class Elastic(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Designs:
-    """n stages as arrays in inside units (mm, MPa, rad) with a leading axis of designs; the values are not validated.
+    """n stages as arrays in inside units (mm, MPa, rad) with a leading axis of designs; the values
+    are not validated.
 
     plane : plane model of all designs.   prismatic : (3 chains, 3 hinges), bool, the same for all.
-    thickness, youngs_modulus, poissons_ratio, yield_strength, link_width, platform_radius, hub_radius : (n,).
+    thickness, youngs_modulus, poissons_ratio, yield_strength, link_width, platform_radius,
+    hub_radius : (n,).
     density : (n,), kg/m^3, used for natural frequencies only.
     expansion : (n, 2), 1/K, of stage and frame, nan where not stated; used for thermal drift only.
-    fatigue : (n, 3), Basquin's coefficient, MPa, and exponent, nan where not known, and Walker's; for lives only.
+    fatigue : (n, 3), Basquin's coefficient, MPa, and exponent, nan where not known, and Walker's;
+    for lives only.
     link_lengths, joint_angles : (n, 3).
     radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
-    actuator : (n, 3 chains, actuators, numbers), of `actuators.ActuatorNumbers`, used for the drive only.
-    """
+    actuator : (n, 3 chains, actuators, numbers), of `actuators.ActuatorNumbers`, used for the drive
+    only."""
 
     plane: Plane
     prismatic: NDArray[np.bool_]
@@ -67,15 +72,22 @@ class Designs:
     def elastic(self) -> Elastic:
         """Elastic constants (n,) of the plane problem.
 
-        Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane stress with factors
-        on the hinges only (`hinges/chart.py`), because links are about as wide as thick.
-        """
-        E, nu = self.youngs_modulus, self.poissons_ratio
-        return Elastic(E / (1 - nu**2), nu / (1 - nu)) if self.plane == "plane_strain" else Elastic(E, nu)
+        Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane
+        stress with factors on the hinges only (`hinges/chart.py`), because links are about as wide
+        as thick."""
+        E = self.youngs_modulus
+        nu = self.poissons_ratio
+        return (
+            Elastic(E / (1 - nu**2), nu / (1 - nu))
+            if self.plane == "plane_strain"
+            else Elastic(E, nu)
+        )
 
     @property
     def out_of_plane(self) -> Array:
-        """Ratio (n,) of the out-of-plane normal stress to the sum of the in-plane ones: nu in plane strain, else 0."""
+        """Ratio (n,) of the out-of-plane normal stress to the sum of the in-plane ones: nu in plane
+        strain, else 0.
+        """
         return self.poissons_ratio * (self.plane == "plane_strain")
 
     def repeated(self, count: int) -> Designs:
@@ -92,20 +104,32 @@ class Designs:
 @once
 def lower(stage: StageContent) -> Designs:
     """Return one stage as n = 1 designs with read-only arrays."""
-    material, hinges = stage.material, hinges_of(stage)
+    material = stage.material
+    hinges = hinges_of(stage)
     owners = {
         "thickness": stage,
-        **dict.fromkeys(("youngs_modulus", "poissons_ratio", "yield_strength", "density"), material),
+        **dict.fromkeys(
+            ("youngs_modulus", "poissons_ratio", "yield_strength", "density"), material
+        ),
         **dict.fromkeys(("link_width", "link_lengths", "joint_angles"), stage.chain),
     }
     values = {name: getattr(owner, name) for name, owner in owners.items()}
-    values |= {name: [[getattr(hinge, name) for hinge in row] for row in hinges] for name in ("radius", "neck", "axis")}
+    values |= {
+        name: [[getattr(hinge, name) for hinge in row] for row in hinges]
+        for name in ("radius", "neck", "axis")
+    }
     values |= {"platform_radius": stage.platform.radius, "hub_radius": stage.platform.hub_radius}
     values["expansion"] = material.expansion, stage.frame.expansion
-    values["fatigue"] = material.fatigue_strength_coefficient, material.fatigue_strength_exponent, material.walker
+    values["fatigue"] = (
+        material.fatigue_strength_coefficient,
+        material.fatigue_strength_exponent,
+        material.walker,
+    )
     numbers = [[actuator.numbers for actuator in row] for row in actuators_of(stage)]
     values["actuator"] = np.reshape(numbers, (len(CHAINS), -1, len(ActuatorNumbers._fields)))
-    arrays = {name: np.array([value], dtype=float) for name, value in values.items()}  # nan for None
+    arrays = {
+        name: np.array([value], dtype=float) for name, value in values.items()
+    }  # nan for None
     prismatic = np.array([[hinge.prismatic for hinge in row] for row in hinges])
     designs = Designs(stage.model, prismatic, **arrays)
     for array in (prismatic, *arrays.values(), *designs.frames):
@@ -120,17 +144,24 @@ def stage_frames(stage: StageContent) -> Frames:
 
 
 def envelope(designs: Designs) -> Array:
-    """Diameter (n,), mm, of the circle about the platform centre that encloses platform, hinges and pads.
+    """Diameter (n,), mm, of the circle about the platform centre that encloses platform, hinges and
+    pads.
 
-    Each notch counts as a box 2R long and as wide as the link, and the pad of a base hinge is as long as it is wide.
-    Only the outer edge of a link's bend can lie outside the circle, if no hinge lies farther out.
-    """
+    Each notch counts as a box 2R long and as wide as the link, and the pad of a base hinge is as
+    long as it is wide. Only the outer edge of a link's bend can lie outside the circle, if no hinge
+    lies farther out."""
     centres, axes = designs.frames
     along = direction(axes)
-    across = np.stack([-along[..., 1], along[..., 0]], axis=-1) * 0.5 * designs.link_width[:, None, None, None]
+    across = (
+        np.stack([-along[..., 1], along[..., 0]], axis=-1)
+        * 0.5
+        * designs.link_width[:, None, None, None]
+    )
     back = designs.radius.copy()
     back[:, :, 0] += designs.link_width[:, None]
     ends = (centres + designs.radius[..., None] * along, centres - back[..., None] * along)
     corners = [end + side * across for end in ends for side in (1.0, -1.0)]
-    farthest = np.max([np.hypot(corner[..., 0], corner[..., 1]) for corner in corners], axis=(0, 2, 3))
+    farthest = np.max(
+        [np.hypot(corner[..., 0], corner[..., 1]) for corner in corners], axis=(0, 2, 3)
+    )
     return np.asarray(2.0 * np.maximum(farthest, designs.platform_radius))

@@ -19,15 +19,17 @@ from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
 TANGENT = 1e-6  # rad; bend below which two segments join smoothly
-BLUNT = 1e-2  # rad; bend up to which segments that approximate a curve may be joined between their ends
+BLUNT = (
+    1e-2  # rad; bend up to which segments that approximate a curve may be joined between their ends
+)
 FINE = np.pi / 512  # rad of arc per vertex of the polygon that is checked for self-intersection
 
 
 class Part(NamedTuple):
     """Contours of a plate, mm.
 
-    loops : closed loops, counter-clockwise around separate pieces and clockwise around holes, the outer one first.
-    """
+    loops : closed loops, counter-clockwise around separate pieces and clockwise around holes, the
+    outer one first."""
 
     loops: list[list[Segment]]
 
@@ -43,16 +45,26 @@ class Part(NamedTuple):
 
 
 def cut_path(part: Part, kerf: float) -> Part:
-    """Return the path of the wire centre that cuts a part with a kerf, mm; every neck keeps its exact width.
+    """Return the path of the wire centre that cuts a part with a kerf, mm; every neck keeps its
+    exact width.
 
-    The path follows arcs about outer corners; sharp inner corners become fillets with half the kerf as radius.
+    The path follows arcs about outer corners; sharp inner corners become fillets with half the kerf
+    as radius.
 
     Raises BadInput for a kerf that is too wide for a hole, an inner radius or a gap of the part.
     """
-    concave = [abs(s.start - s.centre) for loop in part.loops for s in loop if s.centre is not None and s.turn < 0]
+    concave = [
+        abs(s.start - s.centre)
+        for loop in part.loops
+        for s in loop
+        if s.centre is not None and s.turn < 0
+    ]
     narrowest = 2 * min(concave, default=np.inf)
     if not kerf < narrowest:
-        raise BadInput(f"kerf of {kerf:g} mm, expected less than the narrowest notch, fillet or hole, {narrowest:g} mm")
+        raise BadInput(
+            f"kerf of {kerf:g} mm, expected less than the narrowest notch, fillet or hole, "
+            f"{narrowest:g} mm"
+        )
     loops = [_offset_outwards(loop, kerf / 2) for loop in part.loops]
     drawn = [shapely.Polygon(polygon_points(loop, FINE)) for loop in loops]
     for validity in map(shapely.is_valid_reason, drawn):
@@ -65,20 +77,26 @@ def cut_path(part: Part, kerf: float) -> Part:
 
 
 def _too_wide(kerf: float, x: float, y: float) -> BadInput:
-    gaps = f"expected less than every gap of the part: the wire would cut the part at {x:.1f}, {y:.1f}"
+    gaps = (
+        f"expected less than every gap of the part: the wire would cut the part at {x:.1f}, {y:.1f}"
+    )
     return BadInput(f"kerf of {kerf:g} mm, {gaps}")
 
 
 def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
-    """Offset a closed loop to its right, out of the part, with rounded convex and trimmed concave corners.
+    """Offset a closed loop to its right, out of the part, with rounded convex and trimmed concave
+    corners.
 
     Raises BadInput where nothing is left of a segment.
     """
     before = offset(loop, -distance)
-    moved, corners = list(before), dict[int, Segment]()
+    moved = list(before)
+    corners = dict[int, Segment]()
     for k, segment in enumerate(loop):
         following = (k + 1) % len(loop)
-        bend = float(np.angle(complex(loop[following].tangent(0.0)) / complex(segment.tangent(1.0))))
+        bend = float(
+            np.angle(complex(loop[following].tangent(0.0)) / complex(segment.tangent(1.0)))
+        )
         if bend > TANGENT:
             corners[k] = Segment(moved[k].end, moved[following].start, segment.end)
         elif bend < -TANGENT:
@@ -87,23 +105,41 @@ def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
             if at is None and bend < -BLUNT:
                 raise _too_wide(2 * distance, segment.end.real, segment.end.imag)
             at = middle if at is None else at
-            moved[k], moved[following] = moved[k]._replace(end=at), moved[following]._replace(start=at)
+            moved[k], moved[following] = (
+                moved[k]._replace(end=at),
+                moved[following]._replace(start=at),
+            )
     for old, new in zip(before, moved, strict=True):
-        if new.turn * old.turn < 0 or ((new.end - new.start) * (old.end - old.start).conjugate()).real <= 0:
+        if (
+            new.turn * old.turn < 0
+            or ((new.end - new.start) * (old.end - old.start).conjugate()).real <= 0
+        ):
             raise _too_wide(2 * distance, old.start.real, old.start.imag)
-    return [piece for k, segment in enumerate(moved) for piece in (segment, corners.get(k)) if piece is not None]
+    return [
+        piece
+        for k, segment in enumerate(moved)
+        for piece in (segment, corners.get(k))
+        if piece is not None
+    ]
 
 
 def _crossing(a: Segment, b: Segment, near: complex) -> complex | None:
-    """Intersection nearest to a point of two lines or circles on which segments lie; None without one."""
+    """Intersection nearest to a point of two lines or circles on which segments lie; None without
+    one.
+    """
     a, b = (b, a) if a.centre is None else (a, b)
     if a.centre is None:
-        u, v = a.end - a.start, b.end - b.start
+        u = a.end - a.start
+        v = b.end - b.start
         return a.start + u * ((b.start - a.start).conjugate() * v).imag / (u.conjugate() * v).imag
-    radius, at, along = abs(a.start - a.centre), b.start, complex(b.tangent(0.0))
+    radius = abs(a.start - a.centre)
+    at = b.start
+    along = complex(b.tangent(0.0))
     if b.centre is not None:  # both circles meet the line through their common points
         apart = b.centre - a.centre
-        at = a.centre + apart * (radius**2 - abs(b.start - b.centre) ** 2 + abs(apart) ** 2) / (2 * abs(apart) ** 2)
+        at = a.centre + apart * (radius**2 - abs(b.start - b.centre) ** 2 + abs(apart) ** 2) / (
+            2 * abs(apart) ** 2
+        )
         along = 1j * apart / abs(apart)
     foot = at + along * ((a.centre - at) * along.conjugate()).real
     half_squared = radius**2 - abs(foot - a.centre) ** 2
@@ -140,7 +176,9 @@ class Span(NamedTuple):
 
 
 class Label(NamedTuple):
-    """A text centred at `place`, with its half width and half height in `half`, about an anchor; complex, mm."""
+    """A text centred at `place`, with its half width and half height in `half`, about an anchor;
+    complex, mm.
+    """
 
     text: str
     anchor: complex
@@ -169,9 +207,11 @@ def dimensions_of(plate: PlateFile, layout: Layout) -> Dimensions:
     layout : of the plate, perhaps with mounting holes in the pads of a stage.
     """
     shape = plate_polygon(layout)
-    height, spans = TEXT * extent(shape), spans_of(plate, layout, shape)
+    height = TEXT * extent(shape)
+    spans = spans_of(plate, layout, shape)
     obstacles: list[Any] = [shape.boundary, *(_line(*span.line) for span in spans)]
-    labels, reaches = list[Label](), height * np.array([4.0, 6.0, 8.0, 11.0])
+    labels = list[Label]()
+    reaches = height * np.array([4.0, 6.0, 8.0, 11.0])
     for text, anchor in labels_of(plate, layout):
         half = 0.5 * height * complex(LETTER * len(text) + 1, 2)
         place, box = clearest(anchor, half, reaches, obstacles, 1.5 * height)
@@ -181,18 +221,22 @@ def dimensions_of(plate: PlateFile, layout: Layout) -> Dimensions:
 
 
 def spans_of(plate: PlateFile, layout: Layout, shape: Any) -> list[Span]:
-    """Return the lengths of chain 1 of a stage and the width of its pad, with dimension lines beside its polygon.
+    """Return the lengths of chain 1 of a stage and the width of its pad, with dimension lines
+    beside its polygon.
 
-    A dimension line is the nearest one with a third of the link width as clearance, or the clearest one.
-    """
+    A dimension line is the nearest one with a third of the link width as clearance, or the clearest
+    one."""
     if not isinstance(plate, Stage):
         return []
-    width, ends = plate.chain.link_width, [*(joint.place for joint in layout.joints[:3]), 0j]
+    width = plate.chain.link_width
+    ends = [*(joint.place for joint in layout.joints[:3]), 0j]
     spans = [Span("w", *layout.bodies[0].outline[0][:2], -2.5 * TEXT * extent(shape))]
     for k in range(3):
         distances = [side * reach * width for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
         candidates = [Span(f"l{k + 1}", ends[k], ends[k + 1], away) for away in distances]
-        spans.append(max(candidates, key=lambda span: min(shape.distance(_middle(span)), width / 3)))
+        spans.append(
+            max(candidates, key=lambda span: min(shape.distance(_middle(span)), width / 3))
+        )
     return list(map(_rightwards, spans))
 
 
@@ -202,11 +246,15 @@ def labels_of(plate: PlateFile, layout: Layout) -> Iterator[tuple[str, complex]]
     Hinges of a stage are labelled on chain 1 if all chains are identical, otherwise on every chain.
     """
     if not isinstance(plate, Stage):
-        yield from ((f"{joint.name} t {joint.profile.neck:.6g}", joint.place) for joint in layout.joints)
+        yield from (
+            (f"{joint.name} t {joint.profile.neck:.6g}", joint.place) for joint in layout.joints
+        )
         return
     for joint in layout.joints[: 3 if plate.chains_alike else 9]:
         yield f"R {joint.profile.root_radius:.6g}, t {joint.profile.neck:.6g}", joint.place
-    rims = [complex(segment.at(0.5)) for segment in layout.bodies[-1].outline if segment.centre == 0]
+    rims = [
+        complex(segment.at(0.5)) for segment in layout.bodies[-1].outline if segment.centre == 0
+    ]
     rim = max(rims, key=lambda point: abs(point - layout.joints[2].place))
     yield f"platform R {plate.platform.radius:.6g}", rim
     yield f"hub R {plate.platform.hub_radius:.6g}", plate.platform.hub_radius * rim / abs(rim)
@@ -223,21 +271,29 @@ def _middle(span: Span) -> shapely.LineString:
 def _rightwards(span: Span) -> Span:
     """Return the same length directed to the right or upwards, so that its text is upright."""
     along = span.end - span.start
-    if along.real > UPRIGHT * abs(along) or (abs(along.real) <= UPRIGHT * abs(along) and along.imag > 0):
+    if along.real > UPRIGHT * abs(along) or (
+        abs(along.real) <= UPRIGHT * abs(along) and along.imag > 0
+    ):
         return span
     return Span(span.name, span.end, span.start, -span.away)
 
 
 def clearest(
-    anchor: complex, half: complex, reaches: Array, obstacles: list[Any], most: float, window: Any = None
+    anchor: complex,
+    half: complex,
+    reaches: Array,
+    obstacles: list[Any],
+    most: float,
+    window: Any = None,
 ) -> tuple[complex, Any]:
-    """Return the clearest place of a text of a half width and half height at some reaches from an anchor, and its box.
+    """Return the clearest place of a text of a half width and half height at some reaches from an
+    anchor, and its box.
 
-    The clearance from the obstacles counts up to `most`; of equally clear places the nearest is chosen. All lengths in
-    mm. window : polygon that contains the box, where one does.
-    """
+    The clearance from the obstacles counts up to `most`; of equally clear places the nearest is
+    chosen. All lengths in mm. window : polygon that contains the box, where one does."""
     places = np.asarray(anchor + np.outer(reaches, DIRECTIONS)).ravel()
-    low, high = places - half, places + half
+    low = places - half
+    high = places + half
     boxes = shapely.box(low.real, low.imag, high.real, high.imag)
     clearance = np.minimum(shapely.distance(boxes, shapely.GeometryCollection(obstacles)), most)
     if window is not None:

@@ -1,4 +1,6 @@
-"""Checks that a plate can be made, before any meshing: closed-form conditions of n stages, the parts of one plate."""
+"""Checks that a plate can be made, before any meshing: closed-form conditions of n stages, the
+parts of one plate.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,13 @@ class Broken(NamedTuple):
 
 
 class Condition(NamedTuple):
-    """A geometric condition on n designs at p places, such as the hinges of one name on three chains.
+    """A geometric condition on n designs at p places, such as the hinges of one name on three
+    chains.
 
-    key : in the file.   wrong : description of the violation.   expected : text with the limit of the value.
-    value : (n, p), mm, of the key; for pairs of hinges the sum of radii.   room : (n, p), mm, margin to the limit.
+    key : in the file.   wrong : description of the violation.   expected : text with the limit of
+    the value.
+    value : (n, p), mm, of the key; for pairs of hinges the sum of radii.   room : (n, p), mm,
+    margin to the limit.
     pairs : indices into `PAIRS` of the p places, for a condition on pairs of hinges.
     """
 
@@ -52,24 +57,31 @@ class Condition(NamedTuple):
 
 def conditions(designs: Designs) -> list[Condition]:
     """Evaluate all conditions of n designs, in the order in which a single stage is checked."""
-    radius, neck, disc, centres = designs.radius, designs.neck, designs.platform_radius[:, None], designs.frames.centres
+    radius = designs.radius
+    neck = designs.neck
+    disc = designs.platform_radius[:, None]
+    centres = designs.frames.centres
     width = designs.link_width[:, None, None]
-    x, y = centres[..., 0], centres[..., 1]
+    x = centres[..., 0]
+    y = centres[..., 1]
     depth_margin = (width - neck) / 2 * (1 + _ROUND_OFF) - radius
     disc_margin = np.hypot(x, y) - (disc[..., None] + radius + neck / 2)
     radii = radius[..., *_FIRST] + radius[..., *_SECOND]
     gap = np.hypot(x[..., *_FIRST] - x[..., *_SECOND], y[..., *_FIRST] - y[..., *_SECOND]) - radii
-    hub, discs, checks = designs.hub_radius[:, None], np.repeat(disc, 3, axis=1), list[Condition]()
+    hub = designs.hub_radius[:, None]
+    discs = np.repeat(disc, 3, axis=1)
+    checks = list[Condition]()
     for k, name in enumerate(HINGE_NAMES):
-        key, wrong, limit = f"hinges.{name}.neck_mm", "neck as wide as the link", "< chain.link_width_mm = {:g}"
+        key = f"hinges.{name}.neck_mm"
+        wrong = "neck as wide as the link"
+        limit = "< chain.link_width_mm = {:g}"
         checks.append(Condition(key, wrong, limit, neck[..., k], (width - neck)[..., k]))
-        key, wrong, limit = (
-            f"hinges.{name}.radius_mm",
-            "notch deeper than the link",
-            "<= (chain.link_width_mm - neck_mm)/2 = {:g}",
-        )
+        key = f"hinges.{name}.radius_mm"
+        wrong = "notch deeper than the link"
+        limit = "<= (chain.link_width_mm - neck_mm)/2 = {:g}"
         checks.append(Condition(key, wrong, limit, radius[..., k], depth_margin[..., k]))
-    wrong, limit = "hub larger than the platform", "< platform.radius_mm = {:g}"
+    wrong = "hub larger than the platform"
+    limit = "< platform.radius_mm = {:g}"
     checks.append(Condition("platform.hub_radius_mm", wrong, limit, hub, disc - hub))
     for k, name in enumerate(HINGE_NAMES):
         wrong = f"the platform covers the {name} hinge"
@@ -77,13 +89,22 @@ def conditions(designs: Designs) -> list[Condition]:
         checks.append(Condition("platform.radius_mm", wrong, limit, discs, disc_margin[..., k]))
     for i, j in combinations_with_replacement(range(len(HINGE_NAMES)), 2):
         pairs = tuple(k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {i, j})
-        wrong = f"{' and '.join(dict.fromkeys((HINGE_NAMES[i], HINGE_NAMES[j])))} hinges closer than their radii"
-        checks.append(Condition("chain.link_lengths_mm", wrong, "> {:g}", radii[:, pairs], gap[:, pairs], pairs))
+        wrong = (
+            f"{' and '.join(dict.fromkeys((HINGE_NAMES[i], HINGE_NAMES[j])))} hinges closer than "
+            "their radii"
+        )
+        checks.append(
+            Condition(
+                "chain.link_lengths_mm", wrong, "> {:g}", radii[:, pairs], gap[:, pairs], pairs
+            )
+        )
     return checks
 
 
 def check_feasible(plate: PlateFile) -> None:
-    """Raise BadInput, with key, value and expectation, for a stage or a mechanism that cannot be made."""
+    """Raise BadInput, with key, value and expectation, for a stage or a mechanism that cannot be
+    made.
+    """
     if isinstance(plate, StageContent) or not isinstance(plate, PlateFile):
         check_closed_form(plate)
     with located(plate):
@@ -96,11 +117,17 @@ def _check_parts(plate: PlateFile) -> None:
 
 
 def check_closed_form(stage: StageContent) -> None:
-    """Raise BadInput for a stage that violates one of `conditions`; unlike `check_feasible`, draw no outlines."""
+    """Raise BadInput for a stage that violates one of `conditions`; unlike `check_feasible`, draw
+    no outlines.
+    """
     if isinstance(stage, PlateFile) and not isinstance(stage, StageContent):
-        raise BadInput(f"{stage.origin}: this is for the nine-hinge stage of a stage file, not for a mechanism")
+        raise BadInput(
+            f"{stage.origin}: this is for the nine-hinge stage of a stage file, not for a mechanism"
+        )
     if not isinstance(stage, StageContent):
-        raise BadInput(f"{printed(stage)}, expected a flexfem.Stage or Mechanism, as flexfem.load returns it")
+        raise BadInput(
+            f"{printed(stage)}, expected a flexfem.Stage or Mechanism, as flexfem.load returns it"
+        )
     with located(stage):
         _check_conditions(stage)
 
@@ -109,17 +136,36 @@ def check_closed_form(stage: StageContent) -> None:
 def _check_conditions(stage: StageContent) -> None:
     for check in conditions(lower(stage)):
         for place in np.flatnonzero(~(check.room[0] > 0)).tolist():
-            value, limit = check.value[0, place], check.value[0, place] + check.room[0, place]
+            value = check.value[0, place]
+            limit = check.value[0, place] + check.room[0, place]
             if check.pairs:
                 pair = PAIRS[check.pairs[place]]
-                names = " and ".join(f"{HINGE_NAMES[position]} hinge of chain {chain + 1}" for chain, position in pair)
-                reason = f"{check.wrong}: {names} are {limit:.4g} mm apart, expected {check.expected.format(value)}"
+                names = " and ".join(
+                    f"{HINGE_NAMES[position]} hinge of chain {chain + 1}"
+                    for chain, position in pair
+                )
+                reason = (
+                    f"{check.wrong}: {names} are {limit:.4g} mm apart, expected "
+                    f"{check.expected.format(value)}"
+                )
                 raise BadInput(f"{check.key} = {list(stage.chain.link_lengths)}, {reason}")
             table, *hinge, key = check.key.split(".")
             path = key_of(stage, place + 1, hinge[0], key) if hinge else check.key
-            chain = f" of chain {place + 1}" if table == "platform" and len(check.room[0]) > 1 else ""
-            if key == "radius_mm" and not hinge and limit <= stage.platform.hub_radius:  # no radius is small enough
-                given = f"chain.link_lengths_mm = {list(stage.chain.link_lengths)} at {given_angles(stage)}"
+            chain = (
+                f" of chain {place + 1}" if table == "platform" and len(check.room[0]) > 1 else ""
+            )
+            if (
+                key == "radius_mm" and not hinge and limit <= stage.platform.hub_radius
+            ):  # no radius is small enough
+                given = (
+                    f"chain.link_lengths_mm = {list(stage.chain.link_lengths)} at "
+                    f"{given_angles(stage)}"
+                )
                 farther = f"this hinge {value - limit:.4g} mm farther from the platform centre"
-                raise BadInput(f"{given}, {check.wrong}{chain} with platform.radius_mm = {value:g}, expected {farther}")
-            raise BadInput(f"{path} = {value:g}, {check.wrong}{chain}, expected {check.expected.format(limit)}")
+                raise BadInput(
+                    f"{given}, {check.wrong}{chain} with platform.radius_mm = {value:g}, expected "
+                    f"{farther}"
+                )
+            raise BadInput(
+                f"{path} = {value:g}, {check.wrong}{chain}, expected {check.expected.format(limit)}"
+            )

@@ -15,8 +15,8 @@ class Frames(NamedTuple):
     """Hinge frames of the stage at rest; leading axes are designs.
 
     centres : (..., 3 chains, 3 hinges, 2), mm, the platform centre at the origin.
-    axes : (..., 3, 3), rad, direction of each neck from its base-side body to its platform-side body.
-    """
+    axes : (..., 3, 3), rad, direction of each neck from its base-side body to its platform-side
+    body."""
 
     centres: Array
     axes: Array
@@ -25,10 +25,13 @@ class Frames(NamedTuple):
 def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) -> Frames:
     """Place the hinges of three chains, 120 degrees apart, around a platform centred at the origin.
 
-    link_lengths : (..., 3), mm: base to elbow, elbow to platform hinge, platform hinge to platform centre.
+    link_lengths : (..., 3), mm: base to elbow, elbow to platform hinge, platform hinge to platform
+    centre.
     joint_angles : (..., 3), rad: relative angles at rest, as in (19).
-    axes : (..., 3, 3), rad, in the frame of chain 1, rotated with each chain; nan for the default: base and elbow along
-        link 1, platform along link 2. The sense of an axis is immaterial: opposite axes give the same neck.
+    axes : (..., 3, 3), rad, in the frame of chain 1, rotated with each chain; nan for the default:
+    base and elbow along
+        link 1, platform along link 2. The sense of an axis is immaterial: opposite axes give the
+        same neck.
 
     With (19) and (20) and the platform centre at the origin, `x_B = -(l1 e1 + l2 e2 + l3 e3)`.
     """
@@ -36,7 +39,9 @@ def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) 
     outward = direction(heading)
     links = np.asarray(link_lengths, dtype=float)[..., None] * outward
     centres = -np.flip(np.cumsum(np.flip(links, axis=-2), axis=-2), axis=-2)  # (19), (20)
-    outward[..., 1:, :] += direction(heading[..., :-1])  # sum of the directions of both links at a hinge
+    outward[..., 1:, :] += direction(
+        heading[..., :-1]
+    )  # sum of the directions of both links at a hinge
     default = heading[..., None, [0, 0, 1]]
     given = np.full(3, np.nan) if axes is None else np.asarray(axes, dtype=float)
     axis = np.where(np.isnan(given), default, given) + np.zeros((3, 3))
@@ -52,12 +57,18 @@ def direction(angle: Array) -> Array:
 
 
 def chain_rotation(chain: int) -> Array:
-    """Matrix (3, 3) that maps x, y, theta of a chain (from 0), in the frame of chain 1, to the frame of the stage."""
-    c, s = np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)
+    """Matrix (3, 3) that maps x, y, theta of a chain (from 0), in the frame of chain 1, to the
+    frame of the stage.
+    """
+    c = np.cos(chain * CHAIN_TURN)
+    s = np.sin(chain * CHAIN_TURN)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def turned(points: Array, angle: Array | float) -> Array:
     """Return points (..., 2) rotated about the origin by `angle` (...), rad."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([c * points[..., 0] - s * points[..., 1], s * points[..., 0] + c * points[..., 1]], axis=-1)
+    c = np.cos(angle)
+    s = np.sin(angle)
+    return np.stack(
+        [c * points[..., 0] - s * points[..., 1], s * points[..., 0] + c * points[..., 1]], axis=-1
+    )

@@ -1,8 +1,7 @@
 """Gaps between parts of a plate: their widths and places at rest, and overlaps of parts that move.
 
-Parts are numbered: the bodies, then the hinges, as in a mesh, then the middles of the hinges. A hinge is joined to its
-two bodies, from which only its middle may be apart.
-"""
+Parts are numbered: the bodies, then the hinges, as in a mesh, then the middles of the hinges. A
+hinge is joined to its two bodies, from which only its middle may be apart."""
 
 from __future__ import annotations
 
@@ -21,7 +20,9 @@ BESIDE = 100.0  # height of the strip beside a hinge, per length
 
 
 class Gap(NamedTuple):
-    """A gap between two parts, mm, and its place; a negative width is the mean thickness of their overlap."""
+    """A gap between two parts, mm, and its place; a negative width is the mean thickness of their
+    overlap.
+    """
 
     width: float
     place: complex
@@ -35,8 +36,11 @@ def names_of_parts(layout: Layout) -> list[str]:
 
 
 def pairs_of_parts(layout: Layout) -> tuple[Index, Index]:
-    """Return the first and second parts (n,) of all pairs that may be apart and may move relative to each other."""
-    bodies, hinges = len(layout.bodies), len(layout.joints)
+    """Return the first and second parts (n,) of all pairs that may be apart and may move relative
+    to each other.
+    """
+    bodies = len(layout.bodies)
+    hinges = len(layout.joints)
     one, other = np.triu_indices(bodies + hinges, 1)
     joined = np.zeros((bodies + hinges, bodies + hinges), dtype=np.bool_)
     middles = list[tuple[int, int]]()
@@ -52,8 +56,11 @@ def pairs_of_parts(layout: Layout) -> tuple[Index, Index]:
 
 
 def box_distances(boxes: Array, one: Index, other: Index) -> Array:
-    """Return the distances (n,) of the boxes (parts, 4) of pairs of parts, which no distance of parts is below."""
-    low, high = boxes[:, :2], boxes[:, 2:]
+    """Return the distances (n,) of the boxes (parts, 4) of pairs of parts, which no distance of
+    parts is below.
+    """
+    low = boxes[:, :2]
+    high = boxes[:, 2:]
     apart = np.maximum(low[other] - high[one], low[one] - high[other])
     return np.asarray(np.hypot(*np.maximum(apart, 0.0).T))
 
@@ -71,13 +78,18 @@ def gap_between(parts: tuple[int, int], first: Any, second: Any) -> Gap:
 
 
 def smallest_gaps(layout: Layout, count: int) -> list[Gap]:
-    """Return the smallest gaps of a plate at rest, the smallest first, at most one for every pair of parts."""
+    """Return the smallest gaps of a plate at rest, the smallest first, at most one for every pair
+    of parts.
+    """
     bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
     parts = np.array([*bodies, *map(joint_polygon, layout.joints)])
-    found = [gap for number in range(len(layout.joints)) for gap in _gaps_beside(layout, bodies, number)]
+    found = [
+        gap for number in range(len(layout.joints)) for gap in _gaps_beside(layout, bodies, number)
+    ]
     one, other = pairs_of_parts(layout)
     whole = other < len(parts)
-    one, other = one[whole], other[whole]
+    one = one[whole]
+    other = other[whole]
     least = box_distances(shapely.bounds(parts), one, other)
     for number in np.argsort(least, kind="stable"):
         found = sorted(found, key=_width)[:count]
@@ -110,7 +122,10 @@ def _gaps_beside(layout: Layout, bodies: list[Any], number: int) -> list[Gap]:
 def _strip(joint: Joint) -> Any:
     """Return the strip beside the middle of a hinge."""
     length = joint.profile.length
-    half, high = MIDDLE[-1] * length, BESIDE * length
-    corners = np.array([complex(-half, -high), complex(half, -high), complex(half, high), complex(-half, high)])
+    half = MIDDLE[-1] * length
+    high = BESIDE * length
+    corners = np.array(
+        [complex(-half, -high), complex(half, -high), complex(half, high), complex(-half, high)]
+    )
     z = joint.place + corners * cmath.exp(1j * joint.heading)
     return shapely.Polygon(np.column_stack([z.real, z.imag]))

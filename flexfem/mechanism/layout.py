@@ -1,7 +1,8 @@
-"""A plate mechanism as models use it: bodies, hinges, ports and loads with all parameters and copies resolved.
+"""A plate mechanism as models use it: bodies, hinges, ports and loads with all parameters and
+copies resolved.
 
-Points are complex, mm; angles rad; forces N. The analytic network and the finite elements both read a `Layout`, and
-nothing else of a mechanism. Both compute the response to unit loads on its ports.
+Points are complex, mm; angles rad; forces N. The analytic network and the finite elements both read
+a `Layout`, and nothing else of a mechanism. Both compute the response to unit loads on its ports.
 """
 
 from __future__ import annotations
@@ -15,12 +16,20 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.profiles import Profile
 
-NUMBERS = ("stiffness", "preload", "blocking_force", "lowest", "highest")  # fields with a leading axis of designs
+NUMBERS = (
+    "stiffness",
+    "preload",
+    "blocking_force",
+    "lowest",
+    "highest",
+)  # fields with a leading axis of designs
 PointOrPoints = TypeVar("PointOrPoints", complex, AnyArray)
 
 
 class Move(NamedTuple):
-    """A rotation with a shift, `factor z + shift`, or with a mirror image, `factor conj(z) + shift`."""
+    """A rotation with a shift, `factor z + shift`, or with a mirror image, `factor conj(z) +
+    shift`.
+    """
 
     factor: complex = 1.0
     shift: complex = 0.0
@@ -41,17 +50,25 @@ class Move(NamedTuple):
     @property
     def of_twists(self) -> Array:
         """Matrix (3, 3) from twists x, y, rotation at the global origin to moved ones there."""
-        a, b, side = self.factor, self.shift, -1.0 if self.mirrored else 1.0
+        a = self.factor
+        b = self.shift
+        side = -1.0 if self.mirrored else 1.0
         return np.array(
-            [[a.real, -side * a.imag, side * b.imag], [a.imag, side * a.real, -side * b.real], [0, 0, side]]
+            [
+                [a.real, -side * a.imag, side * b.imag],
+                [a.imag, side * a.real, -side * b.real],
+                [0, 0, side],
+            ]
         )
 
 
 class Constants(NamedTuple):
     """Constants of a material as the plane problem has them.
 
-    youngs_modulus : MPa, and poissons_ratio, of the plane problem.   density : tonne/mm^3.   yield_strength : MPa.
-    out_of_plane : as of `Layout`.   expansion : 1/K, of the material itself; None where it is not stated.
+    youngs_modulus : MPa, and poissons_ratio, of the plane problem.   density : tonne/mm^3.
+    yield_strength : MPa.
+    out_of_plane : as of `Layout`.   expansion : 1/K, of the material itself; None where it is not
+    stated.
     name : of the material, for drawings; empty for that of the plate.
     """
 
@@ -68,10 +85,11 @@ class Body(NamedTuple):
     """A body of the plate before hinges are cut into it.
 
     outline : closed counter-clockwise loop.   holes : closed clockwise loops inside it.
-    fixed : whether the body is rigid ground.   clamped : segments of the outline that are clamped, of an elastic body.
+    fixed : whether the body is rigid ground.   clamped : segments of the outline that are clamped,
+    of an elastic body.
     width : of a bar along a path, mm; None for a body with an outline.
-    key : key path of the body in the file, for refusals.   material : its own, None for that of the plate.
-    """
+    key : key path of the body in the file, for refusals.   material : its own, None for that of the
+    plate."""
 
     name: str
     outline: tuple[Segment, ...]
@@ -84,11 +102,12 @@ class Body(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """A hinge between two bodies, its centre and the direction of its axis from the first to the second body, rad.
+    """A hinge between two bodies, its centre and the direction of its axis from the first to the
+    second body, rad.
 
-    Within the length of the profile the hinge replaces the material of both bodies over the height `cut`, mm, zero
-    where the bodies end at the hinge.   material : its own, None for that of the plate.
-    """
+    Within the length of the profile the hinge replaces the material of both bodies over the height
+    `cut`, mm, zero where the bodies end at the hinge.   material : its own, None for that of the
+    plate."""
 
     name: str
     bodies: tuple[int, int]
@@ -101,7 +120,9 @@ class Joint(NamedTuple):
 
     @property
     def sided(self) -> tuple[Profile, complex]:
-        """Profile that is the same for mirror images of the hinge, and the direction to its left; 0 if symmetric."""
+        """Profile that is the same for mirror images of the hinge, and the direction to its left; 0
+        if symmetric.
+        """
         if self.profile.symmetric:
             return self.profile, 0j
         same = max(self.profile, self.profile.mirrored, key=hash)
@@ -112,9 +133,10 @@ class Joint(NamedTuple):
 class Patch(NamedTuple):
     """A point of a body where a load acts and where its motion is read.
 
-    The load is distributed over the part of the body within `radius` mm of the point, or over the whole body for None,
-    in proportion to the area, with the resultant force and moment about the point. The motion is the displacement and
-    rotation conjugate to this load, which is a mean over the same part of the body.
+    The load is distributed over the part of the body within `radius` mm of the point, or over the
+    whole body for None, in proportion to the area, with the resultant force and moment about the
+    point. The motion is the displacement and rotation conjugate to this load, which is a mean over
+    the same part of the body.
 
     body : index, or -1 for the ground outside the plate, which does not move.
     """
@@ -127,7 +149,8 @@ class Patch(NamedTuple):
 class Port(NamedTuple):
     """A scalar load and the displacement conjugate to it.
 
-    label : such as `output x`.   rotation : whether the displacement is an angle, rad per N mm, instead of mm per N.
+    label : such as `output x`.   rotation : whether the displacement is an angle, rad per N mm,
+    instead of mm per N.
     parts : contacts with the force x, y and the moment (3,) on each for a unit load.
     """
 
@@ -139,8 +162,9 @@ class Port(NamedTuple):
 class LinearActuator(NamedTuple):
     """An actuator between two contacts: a force of the actuator pushes both apart along their line.
 
-    contacts : on the carrying body or ground, and on the driven body.   direction : unit vector of the force on the
-    driven body.   stiffness : N/mm.   stroke : free stroke, mm.   blocking_force : N.   mass : tonne, half at each one.
+    contacts : on the carrying body or ground, and on the driven body.   direction : unit vector of
+    the force on the driven body.   stiffness : N/mm.   stroke : free stroke, mm.   blocking_force :
+    N.   mass : tonne, half at each one.
     preload : N, force at rest.
     """
 
@@ -156,7 +180,9 @@ class LinearActuator(NamedTuple):
 
 
 class PayloadMass(NamedTuple):
-    """A rigid payload: mass, tonne, and moment of inertia about the normal through the point, tonne mm^2."""
+    """A rigid payload: mass, tonne, and moment of inertia about the normal through the point, tonne
+    mm^2.
+    """
 
     contact: Patch
     mass: float
@@ -164,14 +190,20 @@ class PayloadMass(NamedTuple):
 
 
 class ActuatorSet(NamedTuple):
-    """The stacks (n) of a stage, or the actuators of a mechanism, and the commands (m) that drive them.
+    """The stacks (n) of a stage, or the actuators of a mechanism, and the commands (m) that drive
+    them.
 
-    For many designs, the numbers have a leading axis of designs; the stacks and their names are common to all designs.
+    For many designs, the numbers have a leading axis of designs; the stacks and their names are
+    common to all designs.
 
-    stacks : of a stage, each a `contacts.Stack`, chain by chain, actuator by actuator.   names : (m,), of the commands.
-    stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
-    differential : (n, m), stroke of each stack relative to rest per command: 1, and -1 for the partner of a pair.
-    lowest, highest : (..., m), mm, limits of the commands by stroke; a pair rests at half its stroke.
+    stacks : of a stage, each a `contacts.Stack`, chain by chain, actuator by actuator.   names :
+    (m,), of the commands.
+    stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (...,
+    n), N.
+    differential : (n, m), stroke of each stack relative to rest per command: 1, and -1 for the
+    partner of a pair.
+    lowest, highest : (..., m), mm, limits of the commands by stroke; a pair rests at half its
+    stroke.
     friction : (n,), coefficient at each contact, nan where it is not stated; empty for a mechanism.
     """
 
@@ -186,7 +218,9 @@ class ActuatorSet(NamedTuple):
     friction: Array = np.zeros(0)
 
     def at(self, which: AnyArray | int | None) -> ActuatorSet:
-        """Select the numbers of one design or of designs (k,); None adds a leading axis of length one."""
+        """Select the numbers of one design or of designs (k,); None adds a leading axis of length
+        one.
+        """
         return self._replace(**{name: getattr(self, name)[which] for name in NUMBERS})
 
     @property
@@ -198,10 +232,13 @@ class ActuatorSet(NamedTuple):
 class Layout(NamedTuple):
     """A mechanism with all parameters and copies resolved.
 
-    thickness : mm.   elastic : Young's modulus, MPa, and Poisson's ratio of the plane problem.   density : tonne/mm^3.
+    thickness : mm.   elastic : Young's modulus, MPa, and Poisson's ratio of the plane problem.
+    density : tonne/mm^3.
     points : named contacts to read, the output first.
-    out_of_plane : ratio of the stress out of the plane to the sum of those in it: Poisson's ratio in plane strain.
-    residual_stress : MPa, in all directions of the plane, before the plate is released from what holds its bodies.
+    out_of_plane : ratio of the stress out of the plane to the sum of those in it: Poisson's ratio
+    in plane strain.
+    residual_stress : MPa, in all directions of the plane, before the plate is released from what
+    holds its bodies.
     wide : whether hinges are in three dimensions, between plane stress and plane strain.
     expansion : of the material, 1/K, None where it is not stated.
     Material constants are those of parts without a material of their own, see `materials`.
@@ -257,7 +294,9 @@ class Layout(NamedTuple):
 
     @property
     def hinge_shares(self) -> Array:
-        """Yield strength of the plate over those (h,) of the hinges: stress times this yields at that of the plate."""
+        """Yield strength of the plate over those (h,) of the hinges: stress times this yields at
+        that of the plate.
+        """
         return self.yield_strength / self.hinge_strengths
 
     @property
@@ -268,11 +307,15 @@ class Layout(NamedTuple):
     @property
     def body_strengths(self) -> Array:
         """Yield strengths (b,), MPa, of the bodies that are not fixed."""
-        return np.array([self.material_of(body).yield_strength for body in self.bodies if not body.fixed])
+        return np.array(
+            [self.material_of(body).yield_strength for body in self.bodies if not body.fixed]
+        )
 
     @property
     def ports(self) -> tuple[Port, ...]:
-        """Ports: x, y and theta of every point, the output first, then the opening of every actuator."""
+        """Ports: x, y and theta of every point, the output first, then the opening of every
+        actuator.
+        """
         units = (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)), ("theta", (0.0, 0.0, 1.0)))
         found = [
             Port(f"{name} {direction}", direction == "theta", ((contact, unit),))
@@ -280,7 +323,8 @@ class Layout(NamedTuple):
             for direction, unit in units
         ]
         for actuator in self.actuators:
-            force, (near, far) = actuator.direction, actuator.contacts
+            force = actuator.direction
+            near, far = actuator.contacts
             parts = ((near, (-force.real, -force.imag, 0.0)), (far, (force.real, force.imag, 0.0)))
             found.append(Port(actuator.name, False, parts))
         return tuple(found)
@@ -298,25 +342,34 @@ class Layout(NamedTuple):
 
     @property
     def lever(self) -> float:
-        """Distance, mm, from the output to the farthest hinge of its body; a rotation times it is a displacement."""
+        """Distance, mm, from the output to the farthest hinge of its body; a rotation times it is a
+        displacement.
+        """
         output = self.points[0][1]
-        arms = [abs(joint.place - output.point) for joint in self.joints if output.body in joint.bodies]
+        arms = [
+            abs(joint.place - output.point) for joint in self.joints if output.body in joint.bodies
+        ]
         return max(arms, default=0.0) or 1.0
 
     @property
     def drive(self) -> ActuatorSet:
         """Numbers of the actuators, whose commands are their strokes."""
-        ratings = [(one.stiffness, 0.0, one.blocking_force, 0.0, one.stroke) for one in self.actuators]
+        ratings = [
+            (one.stiffness, 0.0, one.blocking_force, 0.0, one.stroke) for one in self.actuators
+        ]
         stiffness, preload, blocking_force, lowest, highest = np.reshape(ratings, (-1, 5)).T
         names = tuple(actuator.name for actuator in self.actuators)
-        return ActuatorSet((), names, stiffness, preload, blocking_force, np.eye(len(names)), lowest, highest)
+        return ActuatorSet(
+            (), names, stiffness, preload, blocking_force, np.eye(len(names)), lowest, highest
+        )
 
 
 class End(NamedTuple):
-    """The section where a hinge ends on a body, at -length / 2 of its axis on the first body, length / 2 on the second.
+    """The section where a hinge ends on a body, at -length / 2 of its axis on the first body,
+    length / 2 on the second.
 
-    The section moves as a rigid body.   hinge : index in `Layout.joints`.   far : whether on the second body.
-    """
+    The section moves as a rigid body.   hinge : index in `Layout.joints`.   far : whether on the
+    second body."""
 
     hinge: int
     far: bool
@@ -328,10 +381,10 @@ Interface: TypeAlias = End | Patch
 class ElasticBody(NamedTuple):
     """Compliance (3 c, 3 c) of a body at its c interfaces, interface by interface.
 
-    Displacement x, y and rotation of every interface as a twist at the global origin, mm and rad, per wrench on the
-    body at the global origin, N and N mm. The motion is relative to the ground for a body with clamped edges, else to
-    the mean rigid motion of the body, that of `Patch(body, ..., None)`, with the load balanced by the conjugate load.
-    """
+    Displacement x, y and rotation of every interface as a twist at the global origin, mm and rad,
+    per wrench on the body at the global origin, N and N mm. The motion is relative to the ground
+    for a body with clamped edges, else to the mean rigid motion of the body, that of `Patch(body,
+    ..., None)`, with the load balanced by the conjugate load."""
 
     body: int
     interfaces: tuple[Interface, ...]
@@ -339,7 +392,9 @@ class ElasticBody(NamedTuple):
 
 
 def loaded_contacts(layout: Layout, load: Array) -> dict[Patch, Array]:
-    """Return the wrenches (3,) at the points of the contacts of moving bodies by a load (k,) on the ports."""
+    """Return the wrenches (3,) at the points of the contacts of moving bodies by a load (k,) on the
+    ports.
+    """
     found = dict[Patch, Array]()
     for value, port in zip(load, layout.ports, strict=True):
         for patch, wrench in port.parts:
@@ -349,11 +404,19 @@ def loaded_contacts(layout: Layout, load: Array) -> dict[Patch, Array]:
 
 
 def interfaces(layout: Layout, body: int) -> tuple[Interface, ...]:
-    """Interfaces of a body: the ends of its hinges, then the patches where the ports load it, in their order.
+    """Interfaces of a body: the ends of its hinges, then the patches where the ports load it, in
+    their order.
 
     Without patches on the whole of a body that is not clamped: its compliance there is zero.
     """
-    ends = [End(k, side == 1) for k, joint in enumerate(layout.joints) for side in (0, 1) if joint.bodies[side] == body]
+    ends = [
+        End(k, side == 1)
+        for k, joint in enumerate(layout.joints)
+        for side in (0, 1)
+        if joint.bodies[side] == body
+    ]
     patches = [patch for port in layout.ports for patch, _ in port.parts if patch.body == body]
-    elastic = [patch for patch in patches if patch.radius is not None or layout.bodies[body].clamped]
+    elastic = [
+        patch for patch in patches if patch.radius is not None or layout.bodies[body].clamped
+    ]
     return (*ends, *dict.fromkeys(elastic))

@@ -1,4 +1,5 @@
-"""Outlines in the plane: lines and arcs between complex points, mm; closed loops, their areas, and shortest paths.
+"""Outlines in the plane: lines and arcs between complex points, mm; closed loops, their areas, and
+shortest paths.
 
 The module imports nothing that reads a stage, so that the gmsh process loads quickly.
 """
@@ -16,10 +17,14 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
 
-SHORTEST = 1e-9  # mm; shorter segments are left out, such as the wall of a notch as deep as its link
+SHORTEST = (
+    1e-9  # mm; shorter segments are left out, such as the wall of a notch as deep as its link
+)
 TIGHTEST_TURN = np.deg2rad(170.0)
 LONGEST_ARC = np.deg2rad(120.0)  # turn of one segment of a longer arc
-GAUSS = np.polynomial.legendre.leggauss(16)  # on each line or arc of less than half a turn: exact to round-off
+GAUSS = np.polynomial.legendre.leggauss(
+    16
+)  # on each line or arc of less than half a turn: exact to round-off
 
 
 class Segment(NamedTuple):
@@ -47,7 +52,9 @@ class Segment(NamedTuple):
         """Points (...), complex, at shares (...) of the length."""
         if self.centre is None:
             return np.asarray(self.start + np.multiply(share, self.end - self.start))
-        return np.asarray(self.centre + (self.start - self.centre) * np.exp(1j * np.multiply(self.turn, share)))
+        return np.asarray(
+            self.centre + (self.start - self.centre) * np.exp(1j * np.multiply(self.turn, share))
+        )
 
     def tangent(self, share: ArrayLike) -> AnyArray:
         """Unit tangents (...), complex, at shares (...) of the length."""
@@ -60,7 +67,9 @@ class Segment(NamedTuple):
         """Positions of points (...) projected on the curve: 0 at the start, 1 at the end."""
         if self.centre is None:
             return np.asarray(((points - self.start) / (self.end - self.start)).real)
-        swept = np.angle((points - self.centre) / (self.start - self.centre) * np.exp(-0.5j * self.turn))
+        swept = np.angle(
+            (points - self.centre) / (self.start - self.centre) * np.exp(-0.5j * self.turn)
+        )
         return np.asarray(0.5 + swept / self.turn)
 
     def reversed(self) -> Segment:
@@ -70,11 +79,17 @@ class Segment(NamedTuple):
     def turned(self, angle: float) -> Segment:
         """Return the curve rotated about the origin by `angle`, rad."""
         r = cmath.exp(1j * angle)
-        return Segment(self.start * r, self.end * r, None if self.centre is None else self.centre * r)
+        return Segment(
+            self.start * r, self.end * r, None if self.centre is None else self.centre * r
+        )
 
     def offset(self, distance: float) -> Segment:
-        """Return the curve offset to its left by `distance`, mm: a line, or an arc about the same centre."""
-        start, end = (point + 1j * distance * complex(self.tangent(k)) for k, point in enumerate(self[:2]))
+        """Return the curve offset to its left by `distance`, mm: a line, or an arc about the same
+        centre.
+        """
+        start, end = (
+            point + 1j * distance * complex(self.tangent(k)) for k, point in enumerate(self[:2])
+        )
         return Segment(start, end, self.centre)
 
     def points(self, step: float) -> AnyArray:
@@ -87,7 +102,8 @@ class Face(NamedTuple):
     """A region to mesh, such as one body of a sector of the stage.
 
     loop : closed counter-clockwise loop of segments.
-    labels : one per segment: `ground`, `hub`, `neck base` and so on, `cut ahead` and `cut behind` (to the adjacent
+    labels : one per segment: `ground`, `hub`, `neck base` and so on, `cut ahead` and `cut behind`
+    (to the adjacent
         sectors) or `free`.
     """
 
@@ -111,9 +127,11 @@ def polyline(*points: complex) -> list[Segment]:
 
 
 def bowed(start: complex, end: complex, bow: float) -> list[Segment]:
-    """Circular arc from `start` to `end`, in parts of less than half a turn; without a bow the line.
+    """Circular arc from `start` to `end`, in parts of less than half a turn; without a bow the
+    line.
 
-    bow : height of the arc over its chord, mm, positive to the right of the way from `start` to `end`, as the arc then
+    bow : height of the arc over its chord, mm, positive to the right of the way from `start` to
+    `end`, as the arc then
         turns to the left. Half the chord is a semicircle; a larger one is more than that.
     """
     if abs(bow) <= SHORTEST:
@@ -123,18 +141,24 @@ def bowed(start: complex, end: complex, bow: float) -> list[Segment]:
     centre = (start + end) / 2 + 1j * ahead * (half**2 - bow**2) / (2 * bow)
     turn = 4 * math.atan(bow / half)
     parts = math.ceil(abs(turn) / LONGEST_ARC)
-    between = [centre + (start - centre) * cmath.exp(1j * turn * k / parts) for k in range(1, parts)]
+    between = [
+        centre + (start - centre) * cmath.exp(1j * turn * k / parts) for k in range(1, parts)
+    ]
     return [Segment(a, b, centre) for a, b in pairwise([start, *between, end])]
 
 
 class Outline(NamedTuple):
-    """A closed counter-clockwise loop, and the indices of the segments on each side of the polygon, perhaps none."""
+    """A closed counter-clockwise loop, and the indices of the segments on each side of the polygon,
+    perhaps none.
+    """
 
     loop: list[Segment]
     edges: list[tuple[int, ...]]
 
 
-def rounded(corners: Sequence[complex], radii: Sequence[float], bows: Sequence[float] = ()) -> Outline:
+def rounded(
+    corners: Sequence[complex], radii: Sequence[float], bows: Sequence[float] = ()
+) -> Outline:
     """Polygon with fillets of `radii`, mm, 0 for none; the corners may go round in either sense.
 
     bows : mm, of the sides from each corner to the next, as `bowed`; 0 for a straight side.
@@ -150,16 +174,20 @@ def rounded(corners: Sequence[complex], radii: Sequence[float], bows: Sequence[f
     sides = [bowed(*side) for side in zip(corners, following, bows, strict=True)]
     if area([segment for side in sides for segment in side]) < 0:
         try:
-            loop, edges = rounded(corners[::-1], radii[::-1], [-bows[(n - 2 - k) % n] for k in range(n)])
+            loop, edges = rounded(
+                corners[::-1], radii[::-1], [-bows[(n - 2 - k) % n] for k in range(n)]
+            )
         except ValueError as error:
             raise ValueError(n - 1 - error.args[0], error.args[1]) from None
         return Outline(loop, [edges[(n - 2 - k) % n] for k in range(n)])
     tangents = _tangents(sides, radii)
-    loop, edges = list[Segment](), list[tuple[int, ...]]()
+    loop = list[Segment]()
+    edges = list[tuple[int, ...]]()
     for k, side in enumerate(sides):
         end = (k + 1) % n
         ahead = complex(side[-1].tangent(1.0))
-        start, stop = side[0].start + tangents[k] * ahead, side[-1].end - tangents[end] * ahead
+        start = side[0].start + tangents[k] * ahead
+        stop = side[-1].end - tangents[end] * ahead
         kept = polyline(start, stop) if tangents[k] or tangents[end] else side
         edges.append(tuple(range(len(loop), len(loop) + len(kept))))
         loop += kept
@@ -178,44 +206,55 @@ def _tangents(sides: Sequence[list[Segment]], radii: Sequence[float]) -> list[fl
     """
     tangents = list[float]()
     for k, radius in enumerate(radii):
-        before, after = sides[k - 1][-1], sides[k][0]
+        before = sides[k - 1][-1]
+        after = sides[k][0]
         turn = cmath.phase(complex(after.tangent(0.0)) / complex(before.tangent(1.0)))
         if abs(turn) > np.pi - 1e-6:
             raise ValueError(k, "a corner at which the outline does not turn back")
         if radius and (before.centre is not None or after.centre is not None):
-            raise ValueError(k, "no fillet at the end of an arc; draw the fillet as an arc of its own")
+            raise ValueError(
+                k, "no fillet at the end of an arc; draw the fillet as an arc of its own"
+            )
         tangents.append(radius * math.tan(abs(turn) / 2))
     for k, side in enumerate(sides):
         ends = (k, (k + 1) % len(sides))
         if sum(tangents[end] for end in ends) > side[0].length + SHORTEST:
             worst, other = sorted(ends, key=lambda end: -tangents[end])
             most = max(side[0].length - tangents[other], 0.0) * radii[worst] / tangents[worst]
-            raise ValueError(worst, f"a fillet of at most {most:.4g} mm, together with that of the next corner")
+            raise ValueError(
+                worst, f"a fillet of at most {most:.4g} mm, together with that of the next corner"
+            )
     return tangents
 
 
 def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outline:
-    """Bar of a width, mm, along a path with `radii` of its centreline at the bends; its two edges are start and end.
+    """Bar of a width, mm, along a path with `radii` of its centreline at the bends; its two edges
+    are start and end.
 
     Raises ValueError with the index of a bend and the expectation that it misses.
     """
-    n, half = len(bends), width / 2
+    n = len(bends)
+    half = width / 2
     sides = [b - a for a, b in pairwise(bends)]
     for k, side in enumerate(sides):
         if abs(side) <= SHORTEST:
             raise ValueError(k, "a point apart from the next")
     ahead = [side / abs(side) for side in sides]
-    right, left = list[complex](), list[complex]()
-    of_right, of_left = list[float](), list[float]()
+    right = list[complex]()
+    left = list[complex]()
+    of_right = list[float]()
+    of_left = list[float]()
     for k, (point, radius) in enumerate(zip(bends, radii, strict=True)):
-        before, after = ahead[max(k - 1, 0)], ahead[min(k, n - 2)]
+        before = ahead[max(k - 1, 0)]
+        after = ahead[min(k, n - 2)]
         turn = cmath.phase(after / before)
         if abs(turn) > TIGHTEST_TURN:
             raise ValueError(k, "a bend of at most 170 degrees")
         aside = 1j * half * (before + after) / (1 + math.cos(turn))
         right.append(point - aside)
         left.append(point + aside)
-        inside, outside = max(radius - half, 0.0), radius + half if radius and abs(turn) > 1e-9 else 0.0
+        inside = max(radius - half, 0.0)
+        outside = radius + half if radius and abs(turn) > 1e-9 else 0.0
         of_right.append(outside if turn > 0 else inside)
         of_left.append(inside if turn > 0 else outside)
     for k, direction in enumerate(ahead):
@@ -226,7 +265,9 @@ def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outli
         loop, edges = rounded(right + left[::-1], of_right + of_left[::-1])
     except ValueError as error:
         k = error.args[0]
-        raise ValueError(k if k < n else 2 * n - 1 - k, "a smaller radius, which fits between its neighbours") from None
+        raise ValueError(
+            k if k < n else 2 * n - 1 - k, "a smaller radius, which fits between its neighbours"
+        ) from None
     return Outline(loop, [edges[2 * n - 1], edges[n - 1]])
 
 
@@ -239,27 +280,35 @@ def disc(centre: complex, radius: float) -> Outline:
 def circle_of(loop: Sequence[Segment]) -> tuple[complex, float] | None:
     """Return centre and radius of a loop that is a circle, None of any other."""
     centre = loop[0].centre
-    if centre is None or any(each.centre is None or abs(each.centre - centre) > SHORTEST for each in loop):
+    if centre is None or any(
+        each.centre is None or abs(each.centre - centre) > SHORTEST for each in loop
+    ):
         return None
     return centre, abs(loop[0].start - centre)
 
 
 def area(loop: Sequence[Segment]) -> float:
-    """Area enclosed by a closed counter-clockwise loop, mm^2: the polygon of the ends, and the circular segments."""
+    """Area enclosed by a closed counter-clockwise loop, mm^2: the polygon of the ends, and the
+    circular segments.
+    """
     polygon = sum((segment.start.conjugate() * segment.end).imag for segment in loop)
     arcs = ((abs(arc.start - arc.centre), arc.turn) for arc in loop if arc.centre is not None)
     return (polygon + sum(radius**2 * (turn - math.sin(turn)) for radius, turn in arcs)) / 2
 
 
 def area_moments(loop: Iterable[Segment]) -> AnyArray:
-    """Area integrals (5,) of 1, z, |z|^2, z^2 and |z|^2 z, mm^2 to mm^5, complex, of a closed counter-clockwise loop.
+    """Area integrals (5,) of 1, z, |z|^2, z^2 and |z|^2 z, mm^2 to mm^5, complex, of a closed
+    counter-clockwise loop.
 
-    By the divergence theorem, with `z = x + i y` and `w = x dy - y dx`, they equal the integrals along the loop times
-    `w` over 2, 3, 4, 4 and 5.
-    """
-    share, weights = (GAUSS[0] + 1) / 2, GAUSS[1] / 2
+    By the divergence theorem, with `z = x + i y` and `w = x dy - y dx`, they equal the integrals
+    along the loop times `w` over 2, 3, 4, 4 and 5."""
+    share = (GAUSS[0] + 1) / 2
+    weights = GAUSS[1] / 2
     parts = [
-        (z := segment.at(share), weights * segment.length * (np.conj(z) * segment.tangent(share)).imag)
+        (
+            z := segment.at(share),
+            weights * segment.length * (np.conj(z) * segment.tangent(share)).imag,
+        )
         for segment in loop
     ]
     z, w = (np.concatenate(values) for values in zip(*parts, strict=True))
@@ -267,13 +316,19 @@ def area_moments(loop: Iterable[Segment]) -> AnyArray:
 
 
 def integrals(z: AnyArray, weights: Array) -> AnyArray:
-    """Integrals (5,) of 1, z, |z|^2, z^2 and |z|^2 z from points (n,), complex, and weights (5, n) or (n,)."""
+    """Integrals (5,) of 1, z, |z|^2, z^2 and |z|^2 z from points (n,), complex, and weights (5, n)
+    or (n,).
+    """
     square = np.abs(z) ** 2
-    return np.asarray(np.sum(np.stack([np.ones_like(z), z, square, z**2, square * z]) * weights, axis=1))
+    return np.asarray(
+        np.sum(np.stack([np.ones_like(z), z, square, z**2, square * z]) * weights, axis=1)
+    )
 
 
 def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArray:
-    """Vertices (n, 2) of a polygon that approximates the loop with one vertex per `step` rad of arc."""
+    """Vertices (n, 2) of a polygon that approximates the loop with one vertex per `step` rad of
+    arc.
+    """
     z = np.concatenate([segment.points(step) for segment in loop])
     return np.column_stack([z.real, z.imag])
 
@@ -290,11 +345,11 @@ class Pose(NamedTuple):
 
 
 def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None:
-    """Shortest arc-line-arc path between two poses with arcs of one radius; None if all such paths make a loop.
+    """Shortest arc-line-arc path between two poses with arcs of one radius; None if all such paths
+    make a loop.
 
-    L. E. Dubins, Am. J. Math. 79 (1957) 497: the four candidates with a straight middle piece, whose arcs turn to the
-    left (1) or to the right (-1).
-    """
+    L. E. Dubins, Am. J. Math. 79 (1957) 497: the four candidates with a straight middle piece,
+    whose arcs turn to the left (1) or to the right (-1)."""
     paths = list[tuple[float, list[Segment]]]()
     for first, last in product((1, -1), repeat=2):
         c0 = start.point + 1j * first * radius * cmath.exp(1j * start.heading)
@@ -307,9 +362,18 @@ def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None
         heading = cmath.phase((c1 - c0) / complex(straight, -aside))
         turns = [_wrap(first * (heading - start.heading)), _wrap(last * (end.heading - heading))]
         if max(turns) <= TIGHTEST_TURN:
-            leave, arrive = (c - 1j * side * radius * cmath.exp(1j * heading) for c, side in ((c0, first), (c1, last)))
-            pieces = [Segment(start.point, leave, c0), Segment(leave, arrive), Segment(arrive, end.point, c1)]
-            paths.append((radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST]))
+            leave, arrive = (
+                c - 1j * side * radius * cmath.exp(1j * heading)
+                for c, side in ((c0, first), (c1, last))
+            )
+            pieces = [
+                Segment(start.point, leave, c0),
+                Segment(leave, arrive),
+                Segment(arrive, end.point, c1),
+            ]
+            paths.append(
+                (radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST])
+            )
     return min(paths, key=lambda path: path[0])[1] if paths else None
 
 

@@ -1,4 +1,6 @@
-"""What all files of plates share: sources of a registered material, origin, text, changes, hash, lines of refusals."""
+"""What all files of plates share: sources of a registered material, origin, text, changes, hash,
+lines of refusals.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,16 @@ from pydantic import AfterValidator, BaseModel, WithJsonSchema, model_validator
 from flexfem.files.expressions import Scaled
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import LONGEST, STATED
-from flexfem.files.refusals import as_key, checked_path, key_path, path_of, place_of, refusal, shown, suggestion
+from flexfem.files.refusals import (
+    as_key,
+    checked_path,
+    key_path,
+    path_of,
+    place_of,
+    refusal,
+    shown,
+    suggestion,
+)
 from flexfem.files.tables import KEPT, Unchangeable, plain
 from flexfem.files.toml import PathLike, bad_key, in_mm, paths_in, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
@@ -43,7 +54,9 @@ class Origin(NamedTuple):
 
 
 class PlateFile(Sourced):
-    """The content of a file that describes a plate to be cut; subclasses have a name and a material."""
+    """The content of a file that describes a plate to be cut; subclasses have a name and a
+    material.
+    """
 
     if TYPE_CHECKING:
         name: str
@@ -52,14 +65,22 @@ class PlateFile(Sourced):
         material: Material
 
     units: Annotated[str, AfterValidator(_in_file), WithJsonSchema({"enum": ["mm", "in"]})] = "mm"
-    """Unit of lengths. In a file with `"in"` the keys of lengths end in `_in` instead of `_mm`, and expressions are in
-    inches; all output is in mm"""
+    """Unit of lengths. In a file with `"in"` the keys of lengths end in `_in` instead of `_mm`, and
+    expressions are in inches; all output is in mm """
 
     @model_validator(mode="before")
     @classmethod
     def _add_registered_sources(cls, data: Any) -> Any:
-        material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
-        name = material.get("name") if isinstance(material, dict) else getattr(material, "name", material)
+        material, stated = (
+            (data.get(key) for key in ("material", "provenance"))
+            if isinstance(data, dict)
+            else (0, 0)
+        )
+        name = (
+            material.get("name")
+            if isinstance(material, dict)
+            else getattr(material, "name", material)
+        )
         sources = sources_of(name) | _sources_of_parts(data)
         if not sources or not isinstance(stated, dict | None):
             return data
@@ -68,9 +89,16 @@ class PlateFile(Sourced):
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
         for array, members in self:
-            named = [part for part in members if hasattr(part, "name")] if isinstance(members, tuple) else []
+            named = (
+                [part for part in members if hasattr(part, "name")]
+                if isinstance(members, tuple)
+                else []
+            )
             for index, part in enumerate(named):
-                if part.name in [other.name for other in named[:index]] or (array, part.name) == ("point", "output"):
+                if part.name in [other.name for other in named[:index]] or (array, part.name) == (
+                    "point",
+                    "output",
+                ):
                     raise refusal(f"a name that no other {array} has", array, index, "name")
         return self
 
@@ -80,7 +108,10 @@ class PlateFile(Sourced):
         return Origin()
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.name!r}{f' of {self.origin}' if self.origin.path else ''}>"
+        return (
+            f"<{type(self).__name__} "
+            f"{self.name!r}{f' of {self.origin}' if self.origin.path else ''}>"
+        )
 
     __str__ = __repr__
 
@@ -103,8 +134,12 @@ class PlateFile(Sourced):
         return {"thickness": float(self.thickness), **constants, "residual_stress": residual_stress}
 
     def constants_of(self, material: Material) -> Constants:
-        """Return the constants of a material: plane strain is plane stress with other elastic constants."""
-        E, nu, strain = material.youngs_modulus, material.poissons_ratio, self.model == "plane_strain"
+        """Return the constants of a material: plane strain is plane stress with other elastic
+        constants.
+        """
+        E = material.youngs_modulus
+        nu = material.poissons_ratio
+        strain = self.model == "plane_strain"
         return Constants(
             youngs_modulus=E / (1 - nu**2) if strain else E,
             poissons_ratio=nu / (1 - nu) if strain else nu,
@@ -114,18 +149,27 @@ class PlateFile(Sourced):
             expansion=material.expansion,
         )
 
-    def _digest(self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any) -> str:
-        """Return the SHA-256 of `model_dump` with `options`, without names, sources, expansions and excluded keys."""
+    def _digest(
+        self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any
+    ) -> str:
+        """Return the SHA-256 of `model_dump` with `options`, without names, sources, expansions and
+        excluded keys.
+        """
         left_out = {"name", "units", "provenance", "frame", *excluded}
         content = self.model_dump(exclude=left_out, **options) | dict(more or {})
         return digest(canonical(_without_names_of_materials(content)))
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a validated copy with values replaced by name; it has no file, and its feasibility is not checked."""
-        return self._with_content({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+        """Return a validated copy with values replaced by name; it has no file, and its feasibility
+        is not checked.
+        """
+        return self._with_content(
+            {name: getattr(self, name) for name in self.model_fields_set} | dict(update or {})
+        )
 
     def _with_content(self, content: dict[str, Any], mark: bool = False) -> Self:
-        """Return a table of this content, without the provenance of keys of this one that no longer exist.
+        """Return a table of this content, without the provenance of keys of this one that no longer
+        exist.
 
         mark : whether changed values lose the sources of this one.
         """
@@ -133,19 +177,30 @@ class PlateFile(Sourced):
         if not isinstance(sources, Mapping):
             return type(self)(**content, provenance=sources)  # which refuses it
         table = type(self)(**content)
-        kept = {key: source for key, source in sources.items() if key not in self.provenance or key in table.entries}
+        kept = {
+            key: source
+            for key, source in sources.items()
+            if key not in self.provenance or key in table.entries
+        }
         if not kept.items() <= self.provenance.items():  # sources of the caller, which are checked
             table = type(self)(**content, provenance=kept)
         else:
             table = table._with_provenance({**table.provenance, **kept})
         if not mark:
             return table
-        before, stated = self.values, table.sources
-        changed = [key for key, value in table.values.items() if before.get(key) != value and stated[key] is not None]
+        before = self.values
+        stated = table.sources
+        changed = [
+            key
+            for key, value in table.values.items()
+            if before.get(key) != value and stated[key] is not None
+        ]
         sources = {**table.provenance, **dict.fromkeys(changed, "replaced in Python")}
         registered = sources_of(table.material.name)
         if registered and table.material != self.material:
-            sources = registered | {key: text for key, text in sources.items() if not key.startswith("material")}
+            sources = registered | {
+                key: text for key, text in sources.items() if not key.startswith("material")
+            }
         return table._with_provenance(sources)
 
     def _with_provenance(self, sources: Mapping[str, str]) -> Self:
@@ -155,13 +210,17 @@ class PlateFile(Sourced):
         return changed
 
     def merged(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the stated content by attribute names, with changes as `replace` takes them. Raises BadInput."""
+        """Return the stated content by attribute names, with changes as `replace` takes them.
+        Raises BadInput.
+        """
         content = self.model_dump(exclude_unset=True, exclude_none=True, context=STATED)
         given = plain(changes, tables=True)
         if "material" in given:
             value = given.pop("material")
             content["material"] = (
-                with_changes(content["material"], value) if isinstance(value, dict) else {"name": value}
+                with_changes(content["material"], value)
+                if isinstance(value, dict)
+                else {"name": value}
             )
         for name, value in given.items():
             if isinstance(value, dict) and isinstance(getattr(self, name, None), tuple):
@@ -169,7 +228,9 @@ class PlateFile(Sourced):
         return dict(merged_tables(content, given))
 
     def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
-        """Return the members of an array changed by their names; the changes where the members have none."""
+        """Return the members of an array changed by their names; the changes where the members have
+        none.
+        """
         if not all("name" in part for part in members):
             return changes
         names = [part["name"] for part in members]
@@ -182,24 +243,32 @@ class PlateFile(Sourced):
         return [{**part, **changes.get(part["name"], {})} for part in members]
 
     def _replaced(self, changes: Mapping[str, Any]) -> Self:
-        """Return a changed table with the origin of this one. Raises BadInput, which names the origin."""
+        """Return a changed table with the origin of this one. Raises BadInput, which names the
+        origin.
+        """
         content = self.merged(changes)
         origin = self.origin._replace(changed=self.origin.path is not None)
         try:
             changed = self._with_content(content, mark="provenance" not in changes)
         except BadInput as refused:
-            raise BadInput(refused.reason.removeprefix(f"{type(self).__name__}: "), str(origin)) from None
+            raise BadInput(
+                refused.reason.removeprefix(f"{type(self).__name__}: "), str(origin)
+            ) from None
         changed.__dict__["origin"] = origin
         return changed
 
     def to_toml(self) -> str:
-        """Return the text of a file that reads back as an equal table with the same hash, bit for bit."""
+        """Return the text of a file that reads back as an equal table with the same hash, bit for
+        bit.
+        """
         content = self.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
         sources = content.pop("provenance", {})
         return toml_text(content | ({"provenance": sources} if sources else {}))
 
     def save(self, path: PathLike) -> None:
-        """Write `to_toml` to a file. Raises BadInput when its folder does not exist or is not writable."""
+        """Write `to_toml` to a file. Raises BadInput when its folder does not exist or is not
+        writable.
+        """
         target = checked_path(path)
         check_file(target)
         write_atomically(target, lambda file: file.write(self.to_toml().encode()))
@@ -215,15 +284,23 @@ def _sources_of_parts(data: Any) -> dict[str, str]:
     for array in ("body", "hinge"):
         parts = data.get(array) if isinstance(data, dict) else None
         for index, part in enumerate(parts if isinstance(parts, list | tuple) else ()):
-            material = part.get("material") if isinstance(part, dict) else getattr(part, "material", None)
-            name = material.get("name") if isinstance(material, dict) else getattr(material, "name", material)
+            material = (
+                part.get("material") if isinstance(part, dict) else getattr(part, "material", None)
+            )
+            name = (
+                material.get("name")
+                if isinstance(material, dict)
+                else getattr(material, "name", material)
+            )
             above = key_path((array, index), data)
             found |= {f"{above}.{key}": text for key, text in sources_of(name).items()}
     return found
 
 
 def _without_names_of_materials(content: Any) -> Any:
-    """Return a content whose materials, also those of its parts, have no name, expansion and missing number."""
+    """Return a content whose materials, also those of its parts, have no name, expansion and
+    missing number.
+    """
     if isinstance(content, list | tuple):
         return [_without_names_of_materials(each) for each in content]
     if not isinstance(content, dict):
@@ -231,7 +308,9 @@ def _without_names_of_materials(content: Any) -> Any:
     found = {key: _without_names_of_materials(value) for key, value in content.items()}
     if isinstance(material := found.get("material"), dict):
         unused = ("name", "expansion")
-        found["material"] = {key: v for key, v in material.items() if key not in unused and v is not None}
+        found["material"] = {
+            key: v for key, v in material.items() if key not in unused and v is not None
+        }
     return found
 
 
@@ -257,17 +336,22 @@ def located(plate: PlateFile) -> Iterator[None]:
         path, changed = plate.origin
         if refused.located or path is None:
             raise
-        line, key = None, re.match(r"(?:\.?\w+|\[\d+\])*", str(refused))
+        line = None
+        key = re.match(r"(?:\.?\w+|\[\d+\])*", str(refused))
         with suppress(BadInput):  # the file no longer exists or has changed
             file = read_toml(path)
             line = file.line(path_of(key[0] if key else "", file.data))
-        raise BadInput(str(refused), str(plate.origin) if changed else place_of(path, line)) from None
+        raise BadInput(
+            str(refused), str(plate.origin) if changed else place_of(path, line)
+        ) from None
 
 
 Plate = TypeVar("Plate", bound=PlateFile)
 
 
-def read_plate(model: type[Plate], path: PathLike, completed: Callable[[Any], Any] | None = None) -> Plate:
+def read_plate(
+    model: type[Plate], path: PathLike, completed: Callable[[Any], Any] | None = None
+) -> Plate:
     """Read a file of a plate, with the material of another file, and note where it came from.
 
     completed : adds the content of further files.
@@ -285,15 +369,23 @@ def read_plate(model: type[Plate], path: PathLike, completed: Callable[[Any], An
 
 
 def in_millimetres(path: PathLike, data: dict[str, Any]) -> Any:
-    """Return the content of a file in mm. Raises BadInput for a key in mm in a file with `units = "in"`."""
+    """Return the content of a file in mm. Raises BadInput for a key in mm in a file with `units =
+    "in"`.
+    """
     if data.get("units") != "in":
         return data
     for at in paths_in(data):
         if str(at[-1]).endswith("_mm") and at[0] != "provenance":
-            raise bad_key(path, at, f'{key_path(at, data)}, expected a key that ends in _in: units = "in"')
-    kept = {key: data[key] for key in ("parameters", "provenance") if key in data}  # parameters are in their own units
+            raise bad_key(
+                path, at, f'{key_path(at, data)}, expected a key that ends in _in: units = "in"'
+            )
+    kept = {
+        key: data[key] for key in ("parameters", "provenance") if key in data
+    }  # parameters are in their own units
     if isinstance(sources := kept.get("provenance"), dict):
-        kept["provenance"] = {key if key.startswith("parameters") else in_mm(key): sources[key] for key in sources}
+        kept["provenance"] = {
+            key if key.startswith("parameters") else in_mm(key): sources[key] for key in sources
+        }
     return _metric({key: data[key] for key in data if key not in ("units", *kept)}) | kept
 
 
@@ -307,4 +399,8 @@ def _metric(value: Any, key: str = "") -> Any:
         return value
     if isinstance(value, str):
         return Scaled(value, INCH)
-    return float(f"{INCH * value:.15g}") if isinstance(value, int | float) and abs(value) < LONGEST else value
+    return (
+        float(f"{INCH * value:.15g}")
+        if isinstance(value, int | float) and abs(value) < LONGEST
+        else value
+    )

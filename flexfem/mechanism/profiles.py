@@ -1,10 +1,11 @@
-"""Hinge profiles: height and mid-line, edges as exact curves, beam integrals, surface stress and triangle sizes.
+"""Hinge profiles: height and mid-line, edges as exact curves, beam integrals, surface stress and
+triangle sizes.
 
-A profile lies between x = -length / 2 and length / 2, mm, on its axis, the local x axis. Left and right are seen along
-the axis: the left edge is the upper one. A profile with one `side` is notched on this side alone; the other edge is
-straight, at half a neck from the axis. A new shape is one subclass with an entry in `SHAPES`: half its notched edge as
-curves, the radius of this edge at the neck, and its height where a curve is of the kind `Bezier`.
-"""
+A profile lies between x = -length / 2 and length / 2, mm, on its axis, the local x axis. Left and
+right are seen along the axis: the left edge is the upper one. A profile with one `side` is notched
+on this side alone; the other edge is straight, at half a neck from the axis. A new shape is one
+subclass with an entry in `SHAPES`: half its notched edge as curves, the radius of this edge at the
+neck, and its height where a curve is of the kind `Bezier`."""
 
 from __future__ import annotations
 
@@ -24,33 +25,52 @@ from flexfem.mechanism.outlines import SHORTEST, Segment, polyline
 from flexfem.refused import BadInput
 
 SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
-LEFT, RIGHT = "left", "right"
-FIRST, SECOND = "first", "second"  # ends of a hinge, at its two bodies
+LEFT = "left"
+RIGHT = "right"
+FIRST = "first"
+SECOND = "second"  # ends of a hinge, at its two bodies
 CORNERS = tuple(f"{end} {side}" for end in (FIRST, SECOND) for side in (LEFT, RIGHT))
-SIDES = (-1.0, 1.0)  # left and right edge of a section, of opposite stress; a positive moment pulls the right one
+SIDES = (
+    -1.0,
+    1.0,
+)  # left and right edge of a section, of opposite stress; a positive moment pulls the right one
 MIDPLANE_SHEAR = 1.5 * math.sqrt(3.0)  # von Mises stress on the axis, per mean shear stress
-PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(neck * root radius)
+PLATEAU = (
+    0.9  # distance from a neck up to which triangles are smallest, per sqrt(neck * root radius)
+)
 GENTLE = 0.8  # slope of the height below which it, not the growth of triangles, sets their size
 STUBBY = 0.5  # root radius per neck below which the radius sets the triangle size at the root
-ARC = 1.0  # triangle size on a fillet, per radius and resolution; with 2, gmsh divided it alike on coarse meshes
+# triangle size on a fillet, per radius and resolution; with 2, gmsh divided it alike on coarse
+# meshes
+ARC = 1.0
 MOST_DISCS = 32  # of one size in a row along half a profile
 CORNER_POWER = 0.4555  # of the distance in the stress at a right-angled inner corner, negative
-SHARP_TURN = math.radians(3.0)  # of the edge at an inner corner; the stress there grows by 2 % per halved triangle
+SHARP_TURN = math.radians(
+    3.0
+)  # of the edge at an inner corner; the stress there grows by 2 % per halved triangle
 GRADED_TURN = math.radians(20.0)  # the same from which triangles are graded towards the corner
-LOW_END = 2.0  # height of an end over that of the neck, below which its corners with the body count as sharp
-PER_PIECE = 9  # positions between two rows at which the curvature of a smooth table sets the triangle size
+# height of an end over that of the neck, below which its corners with the body count as sharp
+LOW_END = 2.0
+PER_PIECE = (
+    9  # positions between two rows at which the curvature of a smooth table sets the triangle size
+)
 TIGHTEST = 1e-5  # radius of a smooth table, per neck, below which its edge cannot be meshed
-UNIFORM = 0.1  # change of the height per length up to which a part of a table is meshed as the middle of a leaf
-APART = 1e-9  # rad, between pieces of a smooth edge: OpenCASCADE joins tangent ones, and then misses areas by 1 %
+# change of the height per length up to which a part of a table is meshed as the middle of a leaf
+UNIFORM = 0.1
+# rad, between pieces of a smooth edge: OpenCASCADE joins tangent ones, and then misses areas by 1 %
+APART = 1e-9
 SLIGHTEST = 1e-6  # neck over root radius below which there is no stress concentration
-FILE_KEYS = {"span": "length", "root": "root_radius"}  # dimensions whose key in a file differs from their name
+FILE_KEYS = {
+    "span": "length",
+    "root": "root_radius",
+}  # dimensions whose key in a file differs from their name
 
 
 def _double_exponential(steps: int, end: float) -> tuple[Array, Array]:
     """Positions and weights (2 steps + 1,) on (0, 1) of the rule of Takahasi and Mori (1974).
 
-    Its points crowd at both ends. There heights have vertical tangents, and 1/height^3 has poles near a neck.
-    """
+    Its points crowd at both ends. There heights have vertical tangents, and 1/height^3 has poles
+    near a neck."""
     u = end * np.arange(-steps, steps + 1) / steps
     x = 1 / (1 + np.exp(-np.pi * np.sinh(u)))
     return x, np.pi * np.cosh(u) * x * (1 - x) * end / steps
@@ -65,20 +85,25 @@ class BadDimension(BadInput):
 
     def __init__(self, key: str, expected: str) -> None:
         super().__init__(f"{key}: expected {expected}")
-        self.key, self.expected = key, expected
+        self.key = key
+        self.expected = expected
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.key, self.expected)
 
 
 class Bezier(NamedTuple):
-    """A Bezier curve with complex control points (n,), mm, of which the first and the last one are its ends."""
+    """A Bezier curve with complex control points (n,), mm, of which the first and the last one are
+    its ends.
+    """
 
     points: tuple[complex, ...]
 
 
 class Ellipse(NamedTuple):
-    """An arc of an ellipse of at most a quarter turn; `major` is the vector of its major half-axis, mm."""
+    """An arc of an ellipse of at most a quarter turn; `major` is the vector of its major half-axis,
+    mm.
+    """
 
     start: complex
     end: complex
@@ -94,7 +119,8 @@ def mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
     """Return a curve after a rigid motion or a reflection of its points."""
     if isinstance(curve, Bezier):
         return Bezier(tuple(map(move, curve.points)))
-    start, end = move(curve.start), move(curve.end)
+    start = move(curve.start)
+    end = move(curve.end)
     if isinstance(curve, Ellipse):
         centre = move(curve.centre)
         return Ellipse(start, end, centre, move(curve.centre + curve.major) - centre)
@@ -109,10 +135,11 @@ def backwards(curve: Curve) -> Curve:
 
 
 class Concentration(NamedTuple):
-    """Stress concentration factors (...), relative to a straight bar as wide as the neck; functions of t/R.
+    """Stress concentration factors (...), relative to a straight bar as wide as the neck; functions
+    of t/R.
 
-    shear : for a transverse force, off the neck centre: surface stress relative to that of the bending moment there.
-    """
+    shear : for a transverse force, off the neck centre: surface stress relative to that of the
+    bending moment there."""
 
     bending: Array
     tension: Array
@@ -122,15 +149,17 @@ class Concentration(NamedTuple):
 def concentration(ratio: Array) -> Concentration:
     """Return the stress concentration at a notch of t/R = `ratio` (...).
 
-    The notch is the deep hyperbolic notch of H. Neuber, Kerbspannungslehre, Springer (1937): with `a = t/2R`,
-    `4 a sqrt a / (3 (sqrt a + (a - 1) arctan sqrt a))` in bending and
-    `2 (a + 1) sqrt a / ((a + 1) arctan sqrt a + sqrt a)` in tension, both recalled, not copied from a print. For shear
-    our own algebra, from Kolosov's `phi = i A w`, `z = c sinh w`, gives `2 a sqrt a (a + 1) / (3 ((a + 1) arctan sqrt a
-    - sqrt a))` in the limit at the centre; a circular notch agrees within 1 % up to 0.6 R from the centre. Against
-    plane-stress finite elements of whole stages (t/R 0.13 to 0.60) the highest neck stress agrees within 1 % when the
-    forces are those of calibrated hinges and elastic links; other forces are worse (`warnings.STRESS_ABOVE`).
-    Smith and Chetwynd's `(1 + t/2R)^0.45` is up to 1.4 % and 3.4 % too large; no concentration is 6 to 9 % too small.
-    """
+    The notch is the deep hyperbolic notch of H. Neuber, Kerbspannungslehre, Springer (1937): with
+    `a = t/2R`, `4 a sqrt a / (3 (sqrt a + (a - 1) arctan sqrt a))` in bending and `2 (a + 1) sqrt a
+    / ((a + 1) arctan sqrt a + sqrt a)` in tension, both recalled, not copied from a print. For
+    shear our own algebra, from Kolosov's `phi = i A w`, `z = c sinh w`, gives `2 a sqrt a (a + 1) /
+    (3 ((a + 1) arctan sqrt a
+    - sqrt a))` in the limit at the centre; a circular notch agrees within 1 % up to 0.6 R from the
+      centre. Against
+    plane-stress finite elements of whole stages (t/R 0.13 to 0.60) the highest neck stress agrees
+    within 1 % when the forces are those of calibrated hinges and elastic links; other forces are
+    worse (`warnings.STRESS_ABOVE`). Smith and Chetwynd's `(1 + t/2R)^0.45` is up to 1.4 % and 3.4 %
+    too large; no concentration is 6 to 9 % too small."""
     a = 0.5 * ratio
     root = np.sqrt(a)
     angle = np.arctan(root)
@@ -141,24 +170,32 @@ def concentration(ratio: Array) -> Concentration:
 
 
 def shoulder(ratio: float, one_sided: bool = False) -> tuple[float, float]:
-    """Return the stress concentration in tension and bending at the root of a leaf, of neck / fillet radius = `ratio`.
+    """Return the stress concentration in tension and bending at the root of a leaf, of neck /
+    fillet radius = `ratio`.
 
-    Our own fit of plane-stress finite elements of leaves between bodies at least 5 times as high as their ends, within
-    1.7 % in tension and 0.9 % in bending for ratios of 0.1 to 100. Small fillets follow the power of a right-angled
-    corner (M. L. Williams, J. Appl. Mech. 19, 526, 1952), large ones deep notches. Peterson's charts of stepped bars
-    (R. L. Norton's fit at D = 3 d) differ by 2 % in bending; in tension they are up to 12 % higher.
+    Our own fit of plane-stress finite elements of leaves between bodies at least 5 times as high as
+    their ends, within 1.7 % in tension and 0.9 % in bending for ratios of 0.1 to 100. Small fillets
+    follow the power of a right-angled corner (M. L. Williams, J. Appl. Mech. 19, 526, 1952), large
+    ones deep notches. Peterson's charts of stepped bars (R. L. Norton's fit at D = 3 d) differ by 2
+    % in bending; in tension they are up to 12 % higher.
 
-    With a fillet on one side of the leaf, the other being flush with both bodies, the fit is within 1.4 % in tension
-    for ratios of 5 to 100, where the fillet governs, and within 0.3 % in bending for ratios of 0.1 to 100.
-    """
-    fits = ((0.3626, 0.5603), (0.5234, 1.0341)) if one_sided else ((0.8446, 1.1349), (0.3352, 0.9479))
-    tension, bending = ((1 + factor * ratio**power) ** (CORNER_POWER / power) for factor, power in fits)
+    With a fillet on one side of the leaf, the other being flush with both bodies, the fit is within
+    1.4 % in tension for ratios of 5 to 100, where the fillet governs, and within 0.3 % in bending
+    for ratios of 0.1 to 100."""
+    fits = (
+        ((0.3626, 0.5603), (0.5234, 1.0341)) if one_sided else ((0.8446, 1.1349), (0.3352, 0.9479))
+    )
+    tension, bending = (
+        (1 + factor * ratio**power) ** (CORNER_POWER / power) for factor, power in fits
+    )
     return tension, bending
 
 
 @dataclass(frozen=True)
 class Profile:
-    """A hinge profile; length and smallest height `neck` in mm, and its notched `side`, None for both."""
+    """A hinge profile; length and smallest height `neck` in mm, and its notched `side`, None for
+    both.
+    """
 
     neck: float
     side: str | None = field(default=None, kw_only=True)
@@ -168,7 +205,9 @@ class Profile:
             raise BadDimension("side", f'"{LEFT}" or "{RIGHT}"')
         for each in fields(self):
             value = getattr(self, each.name)
-            if isinstance(value, int | float) and not (0 < value < math.inf or value == each.default == 0):
+            if isinstance(value, int | float) and not (
+                0 < value < math.inf or value == each.default == 0
+            ):
                 raise BadDimension(FILE_KEYS.get(each.name, each.name), "a number > 0")
 
     def with_neck(self, neck: float) -> Profile:
@@ -203,12 +242,16 @@ class Profile:
 
     @property
     def sharp(self) -> bool:
-        """Whether the edge has a sharp inner corner, at which the stress of finite elements is singular."""
+        """Whether the edge has a sharp inner corner, at which the stress of finite elements is
+        singular.
+        """
         return False
 
     @property
     def bare_corners(self) -> tuple[str, ...]:
-        """Those of `CORNERS` at which an edge meets its body, or goes on as its side, without a fillet."""
+        """Those of `CORNERS` at which an edge meets its body, or goes on as its side, without a
+        fillet.
+        """
         return ()
 
     @property
@@ -234,12 +277,15 @@ class Profile:
 
     @property
     def root_radius(self) -> float:
-        """Radius of curvature, mm, of both edges at the neck of a symmetric profile of the same height."""
+        """Radius of curvature, mm, of both edges at the neck of a symmetric profile of the same
+        height.
+        """
         return self.edge_radius * 2 / self._notches
 
     def height(self, x: Array) -> Array:
         """Height (...), mm, at positions (...) on the axis."""
-        x, found = np.abs(x), np.asarray(self.neck)
+        x = np.abs(x)
+        found = np.asarray(self.neck)
         for curve in self.half():  # the rise from curve to curve keeps all digits of a slender neck
             first, last = _ends(curve)
             rise = _rise(np.clip(x, first.real, last.real) - first.real, curve, last - first)
@@ -247,23 +293,30 @@ class Profile:
         return np.asarray(found)
 
     def middle(self, x: Array) -> Array:
-        """Position (...), mm, of the middle between both edges, to the left of the axis, at positions (...) on it."""
+        """Position (...), mm, of the middle between both edges, to the left of the axis, at
+        positions (...) on it.
+        """
         if self.side is None:
             return np.zeros(np.shape(x))
         rise = self.height(x) - self.neck
         return np.asarray(rise / 2 if self.side == LEFT else -rise / 2)
 
     def half(self) -> list[Curve]:
-        """Return a notched left edge from 0 to length / 2, as curves that begin at their lowest points."""
+        """Return a notched left edge from 0 to length / 2, as curves that begin at their lowest
+        points.
+        """
         raise NotImplementedError
 
     def edges(self) -> tuple[list[Curve], list[Curve]]:
         """Return the left and the right edge from -length / 2 to length / 2, split at 0."""
         half = self.half()
-        notched = [backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(half)] + half
+        notched = [
+            backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(half)
+        ] + half
         if self.side is None:
             return notched, _mirror_image(notched)
-        end, straight = self.length / 2, 0.5j * self.neck
+        end = self.length / 2
+        straight = 0.5j * self.neck
         flat = list[Curve](polyline(straight - end, straight, straight + end))
         if self.side == LEFT:
             return notched, _mirror_image(flat)
@@ -281,26 +334,34 @@ class Profile:
         return float(np.max(self.height(ends) + 2 * np.abs(self.middle(ends))))
 
     def compliance(
-        self, youngs_modulus: float, poissons_ratio: float, thickness: float, thicker: ArrayLike = 0.0
+        self,
+        youngs_modulus: float,
+        poissons_ratio: float,
+        thickness: float,
+        thicker: ArrayLike = 0.0,
     ) -> Array:
-        """Compliance (..., 3, 3) of the far end relative to the near one, at the centre: axial, transverse, rotation.
+        """Compliance (..., 3, 3) of the far end relative to the near one, at the centre: axial,
+        transverse, rotation.
 
-        thicker : (...), mm, added to all heights, as a thicker neck does.   nan where no height is left.
+        thicker : (...), mm, added to all heights, as a thicker neck does.   nan where no height is
+        left.
 
         Notes
         -----
-        A Timoshenko beam of the local height: `int dx / (E A)`, `int x^2 / (E I) dx + kappa int dx / (G A)` and
-        `int dx / (E I)`. A force at the centre and a moment are uncoupled for a profile symmetric about its centre.
-        Where the mid-line is m off the axis, the section carries the moment `M - V x + N m`: an axial force bends, and
-        `int m^2 / (E I) dx`, `int m / (E I) dx` and `-int x m / (E I) dx` are added.
-        """
+        A Timoshenko beam of the local height: `int dx / (E A)`, `int x^2 / (E I) dx + kappa int dx
+        / (G A)` and `int dx / (E I)`. A force at the centre and a moment are uncoupled for a
+        profile symmetric about its centre. Where the mid-line is m off the axis, the section
+        carries the moment `M - V x + N m`: an axial force bends, and `int m^2 / (E I) dx`, `int m /
+        (E I) dx` and `-int x m / (E I) dx` are added."""
         x, weights = self.quadrature
         added = np.asarray(thicker, dtype=float)[..., None]
         height = self.height(x) + np.where(added > -self.neck, added, np.nan)
-        axial, cube = np.sum(weights / height, axis=-1), height**3
+        axial = np.sum(weights / height, axis=-1)
+        cube = height**3
         rotation, moment, bending = (12 * np.sum(weights * x**n / cube, axis=-1) for n in range(3))
         found = np.zeros((*axial.shape, 3, 3))
-        found[..., 0, 0], found[..., 2, 2] = axial, rotation
+        found[..., 0, 0] = axial
+        found[..., 2, 2] = rotation
         found[..., 1, 1] = bending + SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
         found[..., 1, 2] = found[..., 2, 1] = -moment
         if not self.symmetric:
@@ -311,32 +372,41 @@ class Profile:
         return found / (youngs_modulus * thickness)
 
     def opened_before(self, poissons_ratio: float) -> Array:
-        """Return the share (n, 3, 3) of an opening of the hinge that arises before each position of `quadrature`.
+        """Return the share (n, 3, 3) of an opening of the hinge that arises before each position of
+        `quadrature`.
 
-        Under loads on its ends alone, the section there moves by the motion of the near end plus this share of the
-        motion of the far end relative to it, as twists at the centre: axial, transverse, rotation.
-        """
+        Under loads on its ends alone, the section there moves by the motion of the near end plus
+        this share of the motion of the far end relative to it, as twists at the centre: axial,
+        transverse, rotation."""
         x, weights = self.quadrature
         height = self.height(x)
-        axial, bending = weights / height, 12 * weights / height**3
-        moment = np.stack([self.middle(x), -x, np.ones_like(x)], axis=-1)  # in the section, of unit loads
-        parts = moment[:, :, None] * moment[:, None] * bending[:, None, None]  # of the integrals of `compliance`
+        axial = weights / height
+        bending = 12 * weights / height**3
+        moment = np.stack(
+            [self.middle(x), -x, np.ones_like(x)], axis=-1
+        )  # in the section, of unit loads
+        parts = (
+            moment[:, :, None] * moment[:, None] * bending[:, None, None]
+        )  # of the integrals of `compliance`
         parts[:, 0, 0] += axial
         parts[:, 1, 1] += SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
-        return np.asarray((np.cumsum(parts, axis=0) - parts / 2) @ np.linalg.inv(np.sum(parts, axis=0)))
+        return np.asarray(
+            (np.cumsum(parts, axis=0) - parts / 2) @ np.linalg.inv(np.sum(parts, axis=0))
+        )
 
     @cached_property
     def quadrature(self) -> tuple[Array, Array]:
         """Positions (n,) on the axis and weights (n,) of integrals over it."""
-        low, step = np.array(self.breaks[:-1])[:, None], np.diff(self.breaks)[:, None]
+        low = np.array(self.breaks[:-1])[:, None]
+        step = np.diff(self.breaks)[:, None]
         return np.ravel(low + step * RULE[0]), np.ravel(step * RULE[1])
 
     def concentration(self, x: Array, edge: float) -> Concentration:
         """Return the stress concentration at positions x (n,) of an edge of `SIDES`, (n,) or ().
 
-        It is that of Neuber's notch with the root radius, in bending times the factor of the inner or outer edge of a
-        bar whose mid-line has a curvature k, `1 +- k t / 3` (E. Winkler, to first order).
-        """
+        It is that of Neuber's notch with the root radius, in bending times the factor of the inner
+        or outer edge of a bar whose mid-line has a curvature k, `1 +- k t / 3` (E. Winkler, to
+        first order)."""
         K = concentration(np.asarray(max(self.neck / self.root_radius, SLIGHTEST)))
         return K._replace(bending=K.bending * (1 - edge * self._middle_curvature * self.neck / 3))
 
@@ -347,29 +417,41 @@ class Profile:
             return 0.0
         return (0.5 if self.side == LEFT else -0.5) / self.edge_radius
 
-    def stress(self, wrench: Array, thickness: ArrayLike, out_of_plane: float = 0.0, across: ArrayLike = 0.0) -> Array:
+    def stress(
+        self,
+        wrench: Array,
+        thickness: ArrayLike,
+        out_of_plane: float = 0.0,
+        across: ArrayLike = 0.0,
+    ) -> Array:
         """Largest von Mises stress (...), MPa, of the hinge under wrenches (..., 3) on its far end.
 
-        wrench : axial force, transverse force, N, and counter-clockwise moment, N mm, which act on the far end (the
+        wrench : axial force, transverse force, N, and counter-clockwise moment, N mm, which act on
+        the far end (the
             second body) at the centre of the hinge and in its frame.   thickness : (...), mm.
-        out_of_plane : ratio of the stress out of the plane to that along the axis, Poisson's ratio in plane strain.
-        across : (...), MPa, a further stress out of the plane, such as that of a warm plate in plane strain.
+        out_of_plane : ratio of the stress out of the plane to that along the axis, Poisson's ratio
+        in plane strain.
+        across : (...), MPa, a further stress out of the plane, such as that of a warm plate in
+        plane strain.
 
         Notes
         -----
-        The section at x carries the moment `M - V x`, and `m = M - V x_n` at the neck; where the mid-line is off the
-        axis, `M` contains the axial force times this distance. The surface stress, in plane stress, is the sum of
-        `N K_t / (b h)` and `6 (m K_b - V (x - x_n) K_s) / (b h^2)` with `concentration`; it is nominal at sharp inner
-        corners, such as the roots of a leaf without fillets. On the axis, where bending
-        vanishes, the axial stress combines with `tau = 1.5 V / (b h)`; this governs in short hinges only. Finite
-        elements agree within 2 % in moment and tension (`benchmarks/hinge_shapes.py`); transverse forces give up to
-        18 % less in short notches deeper than long and between flanks at more than 90 degrees. Of notches on one side,
-        with necks of up to a fifth of the radius, they give 0.2 % less by a moment, 2 % less in tension, and 10 % more
-        by a transverse force at the centre.
-        """
+        The section at x carries the moment `M - V x`, and `m = M - V x_n` at the neck; where the
+        mid-line is off the axis, `M` contains the axial force times this distance. The surface
+        stress, in plane stress, is the sum of `N K_t / (b h)` and `6 (m K_b - V (x - x_n) K_s) / (b
+        h^2)` with `concentration`; it is nominal at sharp inner corners, such as the roots of a
+        leaf without fillets. On the axis, where bending vanishes, the axial stress combines with
+        `tau = 1.5 V / (b h)`; this governs in short hinges only. Finite elements agree within 2 %
+        in moment and tension (`benchmarks/hinge_shapes.py`); transverse forces give up to 18 % less
+        in short notches deeper than long and between flanks at more than 90 degrees. Of notches on
+        one side, with necks of up to a fifth of the radius, they give 0.2 % less by a moment, 2 %
+        less in tension, and 10 % more by a transverse force at the centre."""
         x = self.sections
         return np.asarray(
-            np.max(self.section_stress(x, wrench[..., None, :], thickness, out_of_plane, across), axis=-1)
+            np.max(
+                self.section_stress(x, wrench[..., None, :], thickness, out_of_plane, across),
+                axis=-1,
+            )
         )
 
     @cached_property
@@ -410,11 +492,12 @@ class Profile:
         return np.asarray(np.maximum(axis, np.maximum(*edges)))
 
     def sizes(self, resolution: float) -> list[Refinement]:
-        """Return points (complex, mm), triangle size, mm, there, and distance from the points up to which it holds, mm.
+        """Return points (complex, mm), triangle size, mm, there, and distance from the points up to
+        which it holds, mm.
 
-        `resolution` quadratic triangles lie across the neck. Their size grows with the height along a slender profile,
-        and is smaller at the edge of a neck with a small root radius. Elsewhere sizes may grow with the distance.
-        """
+        `resolution` quadratic triangles lie across the neck. Their size grows with the height along
+        a slender profile, and is smaller at the edge of a neck with a small root radius. Elsewhere
+        sizes may grow with the distance."""
         found = self._sizes(resolution)
         if self.symmetric:
             return found
@@ -427,7 +510,8 @@ class Profile:
 
     def _sizes(self, resolution: float) -> list[Refinement]:
         """Return the sizes in the symmetric profile of the same height."""
-        place, radius = self._neck_place, self.edge_radius
+        place = self._neck_place
+        radius = self.edge_radius
         found = self._levels(place, self.root_radius, resolution)
         if STUBBY * radius < self.neck:
             edge = 0.5j * self.neck
@@ -437,12 +521,17 @@ class Profile:
     def _levels(
         self, place: float, radius: float, resolution: float, sides: tuple[int, ...] = (-1, 1)
     ) -> list[Refinement]:
-        """Return sizes within growing distances from a notch of a root radius, while its height grows slowly."""
-        half, low = self.length / 2, self.neck
-        reach, found = min(PLATEAU * math.sqrt(self.neck * radius), half), list[Refinement]()
+        """Return sizes within growing distances from a notch of a root radius, while its height
+        grows slowly.
+        """
+        half = self.length / 2
+        low = self.neck
+        reach = min(PLATEAU * math.sqrt(self.neck * radius), half)
+        found = list[Refinement]()
         while True:
             found.append(self._along(place, reach, low / resolution))
-            low, following = self._lowest(place, reach, sides), min(2 * reach, half)
+            low = self._lowest(place, reach, sides)
+            following = min(2 * reach, half)
             if self._lowest(place, following, sides) - low >= GENTLE * (following - reach):
                 return found
             reach = following
@@ -458,7 +547,9 @@ class Profile:
         return float(np.min(self.height(ends)))
 
     def _along(self, place: float, reach: float, size: float) -> Refinement:
-        """Return the size on the axis up to `reach` from `place`: a disc, or a row of discs in a slender profile."""
+        """Return the size on the axis up to `reach` from `place`: a disc, or a row of discs in a
+        slender profile.
+        """
         if reach <= self.end_height:
             return (complex(place),), size, reach
         radius = max(0.6 * self._lowest(place, reach, (-1, 1)), reach / MOST_DISCS)
@@ -474,11 +565,16 @@ def _mirror_image(edge: Iterable[Curve]) -> list[Curve]:
 
 
 def _ends(curve: Curve) -> tuple[complex, complex]:
-    return (curve.points[0], curve.points[-1]) if isinstance(curve, Bezier) else (curve.start, curve.end)
+    return (
+        (curve.points[0], curve.points[-1])
+        if isinstance(curve, Bezier)
+        else (curve.start, curve.end)
+    )
 
 
 def _rise(x: Array, curve: Curve, step: complex) -> Array:
-    """Rise (...) of a line, or of an arc from its lowest point, at distances x (...) from its start; `step` to its end.
+    """Rise (...) of a line, or of an arc from its lowest point, at distances x (...) from its
+    start; `step` to its end.
 
     Without cancellation: `r - sqrt(r^2 - x^2) = x^2 / (r + sqrt(r^2 - x^2))`.
     """
@@ -486,7 +582,11 @@ def _rise(x: Array, curve: Curve, step: complex) -> Array:
     if curve.centre is None:
         return np.asarray(x * (step.imag / step.real))
     if isinstance(curve, Ellipse):  # scaled to a circle
-        return np.asarray(step.imag * (x / step.real) ** 2 / (1 + np.sqrt(np.maximum(1 - (x / step.real) ** 2, 0.0))))
+        return np.asarray(
+            step.imag
+            * (x / step.real) ** 2
+            / (1 + np.sqrt(np.maximum(1 - (x / step.real) ** 2, 0.0)))
+        )
     r = abs(curve.start - curve.centre)
     return np.asarray(x**2 / (r + np.sqrt(np.maximum(r**2 - x**2, 0.0))))
 
@@ -502,7 +602,8 @@ class Circular(Profile):
         return self.radius
 
     def half(self) -> list[Curve]:
-        centre, r = 1j * (self.neck / 2 + self.radius), self.radius
+        centre = 1j * (self.neck / 2 + self.radius)
+        r = self.radius
         return [Segment(centre - 1j * r, centre + r, centre)]
 
 
@@ -528,8 +629,11 @@ class Elliptical(Spanned):
         return self.span**2 / (4 * self.depth)
 
     def half(self) -> list[Curve]:
-        centre, a, b = 1j * (self.neck / 2 + self.depth), self.span / 2, self.depth
-        start, end = centre - 1j * b, centre + a
+        centre = 1j * (self.neck / 2 + self.depth)
+        a = self.span / 2
+        b = self.depth
+        start = centre - 1j * b
+        end = centre + a
         if abs(a - b) <= SHORTEST:
             return [Segment(start, end, centre)]
         return [Ellipse(start, end, centre, complex(a) if a > b else 1j * b)]
@@ -537,10 +641,11 @@ class Elliptical(Spanned):
 
 @dataclass(frozen=True)
 class Leaf(Spanned):
-    """A leaf spring of uniform height with fillets of radius `fillet` at its roots, inside its length; mm.
+    """A leaf spring of uniform height with fillets of radius `fillet` at its roots, inside its
+    length; mm.
 
-    flush : those of `CORNERS` that have no fillet, because the edge goes on as the side of the body.
-    """
+    flush : those of `CORNERS` that have no fillet, because the edge goes on as the side of the
+    body."""
 
     fillet: float = 0.0
     flush: tuple[str, ...] = ()
@@ -548,18 +653,29 @@ class Leaf(Spanned):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not set(self.flush) <= set(CORNERS) or len(set(self.flush)) < len(self.flush):
-            raise BadDimension("flush", f"corners without a fillet, each once: {', '.join(CORNERS)}")
+            raise BadDimension(
+                "flush", f"corners without a fillet, each once: {', '.join(CORNERS)}"
+            )
         if 2 * self.fillet >= self.span - SHORTEST:
             unit = ": is the unit of both right?" if self.fillet > self.span else ""
             raise BadDimension("fillet", f"less than half of length_mm = {self.span:g}{unit}")
 
     def half(self) -> list[Curve]:
-        half, r, y = self.span / 2, self.fillet, 0.5j * self.neck
-        straight, centre = Segment(y, half - r + y), half - r + y + 1j * r
-        return [straight, Segment(centre - 1j * r, centre + r, centre)] if r > SHORTEST else [straight]
+        half = self.span / 2
+        r = self.fillet
+        y = 0.5j * self.neck
+        straight = Segment(y, half - r + y)
+        centre = half - r + y + 1j * r
+        return (
+            [straight, Segment(centre - 1j * r, centre + r, centre)] if r > SHORTEST else [straight]
+        )
 
     def _filleted(self, end: str, side: str) -> bool:
-        return self.fillet > SHORTEST and self.side in (None, side) and f"{end} {side}" not in self.flush
+        return (
+            self.fillet > SHORTEST
+            and self.side in (None, side)
+            and f"{end} {side}" not in self.flush
+        )
 
     @property
     def bare_corners(self) -> tuple[str, ...]:
@@ -567,7 +683,9 @@ class Leaf(Spanned):
 
     @property
     def symmetric(self) -> bool:
-        return all(self._filleted(end, LEFT) == self._filleted(end, RIGHT) for end in (FIRST, SECOND))
+        return all(
+            self._filleted(end, LEFT) == self._filleted(end, RIGHT) for end in (FIRST, SECOND)
+        )
 
     @property
     def even(self) -> bool:
@@ -585,7 +703,9 @@ class Leaf(Spanned):
         """Rise (...) of an edge by its fillets at positions x (...), mm."""
         into = np.clip(np.abs(x) - (self.span / 2 - self.fillet), 0.0, self.fillet)
         rise = into**2 / (self.fillet + np.sqrt(self.fillet**2 - into**2)) if self.fillet else into
-        return np.asarray(rise * np.where(x < 0, self._filleted(FIRST, side), self._filleted(SECOND, side)))
+        return np.asarray(
+            rise * np.where(x < 0, self._filleted(FIRST, side), self._filleted(SECOND, side))
+        )
 
     def height(self, x: Array) -> Array:
         if not self.flush:
@@ -606,11 +726,17 @@ class Leaf(Spanned):
         """Return the left edge, or the mirror image of the right one."""
         filleted = self.half()
         straight = list[Curve](polyline(0.5j * self.neck, self.span / 2 + 0.5j * self.neck))
-        first, second = (filleted if self._filleted(end, side) else straight for end in (FIRST, SECOND))
-        return [backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(first)] + second
+        first, second = (
+            filleted if self._filleted(end, side) else straight for end in (FIRST, SECOND)
+        )
+        return [
+            backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(first)
+        ] + second
 
     def concentration(self, x: Array, edge: float) -> Concentration:
-        """Return the concentration (n,) at fillets, `shoulder`; one at straight parts and edges and at sharp roots."""
+        """Return the concentration (n,) at fillets, `shoulder`; one at straight parts and edges and
+        at sharp roots.
+        """
         side, opposite = (LEFT, RIGHT) if edge < 0 else (RIGHT, LEFT)
         tension, bending = np.ones((2, *np.shape(x)))
         for end, outwards in ((FIRST, -1), (SECOND, 1)):
@@ -618,13 +744,18 @@ class Leaf(Spanned):
                 in_fillet = outwards * x >= self.span / 2 - self.fillet - SHORTEST
                 factors = shoulder(self.neck / self.fillet, not self._filleted(end, opposite))
                 tension, bending = (
-                    np.where(in_fillet, K, before) for K, before in zip(factors, (tension, bending), strict=True)
+                    np.where(in_fillet, K, before)
+                    for K, before in zip(factors, (tension, bending), strict=True)
                 )
         return Concentration(bending, tension, bending)
 
     def _sizes(self, resolution: float) -> list[Refinement]:
-        """Return sizes as `Profile`: a quarter of the triangles across the middle part, and graded at sharp roots."""
-        t, r, half = self.neck, self.fillet, self.span / 2
+        """Return sizes as `Profile`: a quarter of the triangles across the middle part, and graded
+        at sharp roots.
+        """
+        t = self.neck
+        r = self.fillet
+        half = self.span / 2
         found = [self._along(0.0, half - r, t / max(1.0, resolution / 4))]
         if r <= SHORTEST:
             corners = _quadruple(half + 0.5j * t)
@@ -637,7 +768,10 @@ class Leaf(Spanned):
             rise = r * (1 - math.sqrt(0.5))
             arcs = _quadruple(half - rise + 1j * (t + self._notches * rise) / 2)
             if self.flush:
-                arcs = tuple(complex(z.real, np.sign(z.imag) * self.height(np.array(z.real)) / 2) for z in arcs)
+                arcs = tuple(
+                    complex(z.real, np.sign(z.imag) * self.height(np.array(z.real)) / 2)
+                    for z in arcs
+                )
             found.append((arcs, min(t, ARC * r) / resolution, 0.8 * r))
         return found
 
@@ -661,13 +795,16 @@ class Parabolic(Spanned):
         return np.asarray(self.neck + self._notches * self.depth * (x / (self.span / 2)) ** 2)
 
     def half(self) -> list[Curve]:
-        lowest, half = 0.5j * self.neck, self.span / 2
+        lowest = 0.5j * self.neck
+        half = self.span / 2
         return [Bezier((lowest, lowest + half / 2, lowest + complex(half, self.depth)))]
 
 
 @dataclass(frozen=True)
 class Vee(Profile):
-    """Two V notches of a depth, mm, each, with flanks at an opening `angle`, rad, and a rounded root, mm."""
+    """Two V notches of a depth, mm, each, with flanks at an opening `angle`, rad, and a rounded
+    root, mm.
+    """
 
     angle: float
     root: float
@@ -678,11 +815,15 @@ class Vee(Profile):
         if self.angle >= np.pi:
             raise BadDimension("angle", "less than 180 degrees")
         if self.depth <= self.root * (1 - math.sin(self.angle / 2)):
-            raise BadDimension("depth", "more than the rounding removes, root_radius (1 - sin(angle / 2))")
+            raise BadDimension(
+                "depth", "more than the rounding removes, root_radius (1 - sin(angle / 2))"
+            )
 
     @property
     def _tangent(self) -> complex:
-        """Point where the rounded root goes over into the flank, from the lowest point of the notch, mm."""
+        """Point where the rounded root goes over into the flank, from the lowest point of the
+        notch, mm.
+        """
         return self.root * complex(math.cos(self.angle / 2), 1 - math.sin(self.angle / 2))
 
     @property
@@ -690,7 +831,8 @@ class Vee(Profile):
         return self.root
 
     def half(self) -> list[Curve]:
-        lowest, flank = 0.5j * self.neck, self.depth - self._tangent.imag
+        lowest = 0.5j * self.neck
+        flank = self.depth - self._tangent.imag
         tangent = lowest + self._tangent
         end = tangent + complex(flank * math.tan(self.angle / 2), flank)
         return [Segment(lowest, tangent, lowest + 1j * self.root), Segment(tangent, end)]
@@ -700,11 +842,10 @@ class Vee(Profile):
 class Tabulated(Profile):
     """A profile through rows of position and height, or of position, left and right edge, mm.
 
-    Positions are taken from the middle of the table. The edges are distances from the axis, to the left and to the
-    right. Straight lines join the rows. With `smooth` height and mid-line are monotone cubics of F. N. Fritsch,
-    J. Butland, SIAM J. Sci. Stat. Comput. 5, 300 (1984), instead, so that no height lies outside those of the rows
-    beside it.
-    """
+    Positions are taken from the middle of the table. The edges are distances from the axis, to the
+    left and to the right. Straight lines join the rows. With `smooth` height and mid-line are
+    monotone cubics of F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5, 300 (1984), instead,
+    so that no height lies outside those of the rows beside it."""
 
     neck: float = field(init=False)
     side: None = field(default=None, init=False)
@@ -714,7 +855,10 @@ class Tabulated(Profile):
     def __post_init__(self) -> None:
         widths = {len(row) for row in self.table}
         if len(self.table) < 3 or widths not in ({2}, {3}) or not np.all(np.isfinite(self.table)):
-            expected = "at least 3 rows, all of a position and a height or all of a position, left and right edge"
+            expected = (
+                "at least 3 rows, all of a position and a height or all of a position, left and "
+                "right edge"
+            )
             raise BadDimension("table", expected)
         rows = np.array(self.table, dtype=float)
         heights = rows[:, 1:].sum(axis=1)
@@ -724,7 +868,10 @@ class Tabulated(Profile):
         back = np.flatnonzero(np.diff(rows[:, 0]) <= SHORTEST)
         if len(back):
             pair = f"rows {back[0] + 1} and {back[0] + 2}"
-            raise BadDimension("table", f"ascending positions, unlike those of {pair}; draw a step as a steep flank")
+            raise BadDimension(
+                "table",
+                f"ascending positions, unlike those of {pair}; draw a step as a steep flank",
+            )
         object.__setattr__(self, "neck", float(heights.min()))
         if self.smooth:
             places, radius = self._curvature
@@ -732,15 +879,21 @@ class Tabulated(Profile):
             if radius[tightest] < TIGHTEST * self.neck:
                 k = int(np.searchsorted(self._rows[0], places[tightest]))
                 found = f"between rows {k} and {k + 1} its radius is {radius[tightest]:.1g} mm"
-                raise BadDimension("table", f"rows apart enough for a smooth curve: {found}; lines need no radius")
+                raise BadDimension(
+                    "table", f"rows apart enough for a smooth curve: {found}; lines need no radius"
+                )
 
     def with_neck(self, neck: float) -> Tabulated:
         added = (neck - self.neck) / (len(self.table[0]) - 1)
-        return replace(self, table=tuple((x, *(edge + added for edge in edges)) for x, *edges in self.table))
+        return replace(
+            self, table=tuple((x, *(edge + added for edge in edges)) for x, *edges in self.table)
+        )
 
     @classmethod
     def of(cls, height: Callable[[Array], Array], length: float, rows: int = 129) -> Tabulated:
-        """Return the smooth profile of a height (n,) that is a function of the position (n,) on the axis."""
+        """Return the smooth profile of a height (n,) that is a function of the position (n,) on the
+        axis.
+        """
         x = np.linspace(-length / 2, length / 2, rows)
         return cls(tuple(zip(x.tolist(), np.asarray(height(x)).tolist(), strict=True)), smooth=True)
 
@@ -777,7 +930,9 @@ class Tabulated(Profile):
         return self._smooth_curve(self._middles)
 
     def _smooth_curve(self, values: Array) -> Any:
-        from scipy.interpolate import PchipInterpolator  # takes a fifth of a second to import, for tables alone
+        from scipy.interpolate import (
+            PchipInterpolator,
+        )  # takes a fifth of a second to import, for tables alone
 
         return PchipInterpolator(self._rows[0], values)
 
@@ -797,7 +952,9 @@ class Tabulated(Profile):
 
     @property
     def section(self) -> float:
-        """As of any profile; at a row instead of so near to it that triangles between them would be needles."""
+        """As of any profile; at a row instead of so near to it that triangles between them would be
+        needles.
+        """
         x = self._rows[0]
         after = int(np.searchsorted(x, 0.0))
         nearest = float(min(x[after - 1], x[after], key=abs))
@@ -815,7 +972,8 @@ class Tabulated(Profile):
 
     @property
     def root_radius(self) -> float:
-        """Radius of the parabola through the lowest row and those beside it, mm; infinite at an end or in a flat.
+        """Radius of the parabola through the lowest row and those beside it, mm; infinite at an end
+        or in a flat.
 
         It is infinite between straight lines too: the stress of the beam at a corner is nominal.
         """
@@ -824,11 +982,17 @@ class Tabulated(Profile):
         if not self.smooth or k in (0, len(h) - 1):
             return math.inf
         slope = np.diff(h[k - 1 : k + 2]) / np.diff(x[k - 1 : k + 2])
-        return float((x[k + 1] - x[k - 1]) / (slope[1] - slope[0])) if slope[1] > slope[0] else math.inf
+        return (
+            float((x[k + 1] - x[k - 1]) / (slope[1] - slope[0]))
+            if slope[1] > slope[0]
+            else math.inf
+        )
 
     @property
     def _middle_curvature(self) -> float:
-        """As of any profile, of the parabola through the rows of the neck; zero where the root radius is infinite."""
+        """As of any profile, of the parabola through the rows of the neck; zero where the root
+        radius is infinite.
+        """
         if not math.isfinite(self.root_radius):
             return 0.0
         x = self._rows[0]
@@ -869,12 +1033,15 @@ class Tabulated(Profile):
 
     @cached_property
     def _turns(self) -> Array:
-        """Larger turn (n,), rad, of both edges at rows, positive at inner corners; at the ends, to an upright side.
+        """Larger turn (n,), rad, of both edges at rows, positive at inner corners; at the ends, to
+        an upright side.
 
         The corner at an end counts only where the end is not much higher than the neck.
         """
         x, h = self._rows
-        return np.maximum(*(self._edge_turns(x, h, h / 2 + side * self._middles) for side in (1, -1)))
+        return np.maximum(
+            *(self._edge_turns(x, h, h / 2 + side * self._middles) for side in (1, -1))
+        )
 
     def _edge_turns(self, x: Array, h: Array, edge: Array) -> Array:
         """Turns (n,) of one edge, whose distances from the axis are `edge` (n,)."""
@@ -889,10 +1056,11 @@ class Tabulated(Profile):
         return bool(np.any(self._turns > SHARP_TURN))
 
     def _sizes(self, resolution: float) -> list[Refinement]:
-        """Return sizes that follow the height and the edge, a quarter of the triangles across uniform parts.
+        """Return sizes that follow the height and the edge, a quarter of the triangles across
+        uniform parts.
 
-        They are graded at sharp inner corners, and small where rows lie close together or the edge is tightly curved.
-        """
+        They are graded at sharp inner corners, and small where rows lie close together or the edge
+        is tightly curved."""
         found: dict[tuple[float, float], list[complex]] = {}
 
         def refine(points: Iterable[complex], size: float, reach: float) -> None:
@@ -913,9 +1081,13 @@ class Tabulated(Profile):
         return [(tuple(points), size, reach) for (size, reach), points in found.items()]
 
     def _stations(self, coarser: float) -> Iterator[tuple[float, float, float]]:
-        """Yield positions on the axis, the heights there, and factors of the triangle size, `coarser` or one."""
+        """Yield positions on the axis, the heights there, and factors of the triangle size,
+        `coarser` or one.
+        """
         x, h = self._rows
-        for (start, end), (low, high) in zip(pairwise(x.tolist()), pairwise(h.tolist()), strict=True):
+        for (start, end), (low, high) in zip(
+            pairwise(x.tolist()), pairwise(h.tolist()), strict=True
+        ):
             uniform = abs(high - low) <= UNIFORM * (end - start)
             way = 1 if low <= high else -1
             at = start if way == 1 else end
@@ -936,11 +1108,15 @@ class Tabulated(Profile):
         if self.smooth:
             places, radius = self._curvature
             sizes = np.minimum(radius, np.tile(steps / 2, PER_PIECE)) / 2
-            yield from zip(places.tolist(), self.height(places).tolist(), sizes.tolist(), strict=True)
+            yield from zip(
+                places.tolist(), self.height(places).tolist(), sizes.tolist(), strict=True
+            )
 
     @cached_property
     def _curvature(self) -> tuple[Array, Array]:
-        """Positions (n,) between the rows, and radii (n,), mm, of the more curved smooth edge there."""
+        """Positions (n,) between the rows, and radii (n,), mm, of the more curved smooth edge
+        there.
+        """
         x = self._rows[0]
         share = np.linspace(SHORTEST, 1 - SHORTEST, PER_PIECE)[:, None]
         places = np.ravel(x[:-1] + share * np.diff(x))
@@ -968,18 +1144,23 @@ SHAPES: dict[str, type[Profile]] = {
 
 
 def profile_of(shape: str, dimensions: Mapping[str, Any]) -> Profile:
-    """Return the profile of a shape with dimensions by key, mm and rad. Raises BadDimension, with the key.
+    """Return the profile of a shape with dimensions by key, mm and rad. Raises BadDimension, with
+    the key.
 
-    The keys are radius and neck of a circular hinge; length, depth and neck of an elliptical or parabolic one; length,
-    neck and perhaps fillet and flush corners of a leaf, which is the filleted one; angle, root_radius, depth and neck
-    of a v; table, rows of position and height or of position, left and right edge, and perhaps smooth of a profile;
-    perhaps side, "left" or "right", of any but a profile.
-    """
+    The keys are radius and neck of a circular hinge; length, depth and neck of an elliptical or
+    parabolic one; length, neck and perhaps fillet and flush corners of a leaf, which is the
+    filleted one; angle, root_radius, depth and neck of a v; table, rows of position and height or
+    of position, left and right edge, and perhaps smooth of a profile; perhaps side, "left" or
+    "right", of any but a profile."""
     if shape not in SHAPES:
         raise BadDimension("shape", f"one of {', '.join(SHAPES)}")
-    known = {FILE_KEYS.get(each.name, each.name): each for each in fields(SHAPES[shape]) if each.init}
+    known = {
+        FILE_KEYS.get(each.name, each.name): each for each in fields(SHAPES[shape]) if each.init
+    }
     for key in dimensions.keys() - known.keys():
-        raise BadDimension(key, f"no such dimension of shape {shape!r}, which has {', '.join(known)}")
+        raise BadDimension(
+            key, f"no such dimension of shape {shape!r}, which has {', '.join(known)}"
+        )
     for key, each in known.items():
         if each.default is MISSING and key not in dimensions:
             raise BadDimension(key, f"this dimension of shape {shape!r}")

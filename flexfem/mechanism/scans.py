@@ -14,13 +14,16 @@ from flexfem.refused import BadInput
 
 ROWS = 129  # of the table, which are denser at the neck
 CROWDED = 1.5  # power with which the distance of rows from the neck grows
-MEANS = 300  # of the points on an edge, at most: splines through points that nearly coincide are not computed well
+# of the points on an edge, at most: splines through points that nearly coincide are not computed
+# well
+MEANS = 300
 FEWEST = 8  # points on an edge
 EDGES = ("left", "right")
 
 
 def with_scanned_tables(path: PathLike, data: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of the mechanism file at `path` with the tables of hinges that it takes from other files.
+    """Return the content of the mechanism file at `path` with the tables of hinges that it takes
+    from other files.
 
     Raises BadInput as `scanned_rows`, and for a hinge that has a table as well.
     """
@@ -32,9 +35,14 @@ def with_scanned_tables(path: PathLike, data: dict[str, Any]) -> dict[str, Any]:
         if not isinstance(hinge, dict) or "table_csv" not in hinge:
             found.append(hinge)
             continue
-        at, file = ("hinge", index, "table_csv"), hinge["table_csv"]
+        at = ("hinge", index, "table_csv")
+        file = hinge["table_csv"]
         if not isinstance(file, str) or "table_mm" in hinge:
-            raise bad_key(path, at, f"hinge[{index}].table_csv = {shown(file)}, expected a file name, and no table_mm")
+            raise bad_key(
+                path,
+                at,
+                f"hinge[{index}].table_csv = {shown(file)}, expected a file name, and no table_mm",
+            )
         rows = scanned_rows(Path(path).parent / file)
         stated = {key: value for key, value in hinge.items() if key != "table_csv"}
         found.append({"shape": "profile", "smooth": True} | stated | {"table_mm": rows})
@@ -44,9 +52,10 @@ def with_scanned_tables(path: PathLike, data: dict[str, Any]) -> dict[str, Any]:
 def scanned_rows(path: PathLike) -> list[list[float]]:
     """Return rows of position, left and right edge, mm, of a file with points on both edges.
 
-    Its columns are edge (left or right, seen from the first body to the second), x_mm along the axis and y_mm across
-    it, to the left. Smoothing splines by generalised cross-validation (G. Wahba, Spline Models for Observational Data,
-    SIAM, 1990) follow the points of each edge, so that the scatter of a scan does not become a rough edge.
+    Its columns are edge (left or right, seen from the first body to the second), x_mm along the
+    axis and y_mm across it, to the left. Smoothing splines by generalised cross-validation (G.
+    Wahba, Spline Models for Observational Data, SIAM, 1990) follow the points of each edge, so that
+    the scatter of a scan does not become a rough edge.
 
     Raises BadInput for other columns or numbers, too few points, or edges that meet.
     """
@@ -56,29 +65,45 @@ def scanned_rows(path: PathLike) -> list[list[float]]:
             points[row["edge"]].append((float(row["x_mm"]), float(row["y_mm"])))
         except (KeyError, ValueError):
             given = ", ".join(row.values())
-            raise BadInput(f"{place_of(path, line)}: {given}, expected left or right, and two numbers") from None
+            raise BadInput(
+                f"{place_of(path, line)}: {given}, expected left or right, and two numbers"
+            ) from None
     for edge in EDGES:
         if len({x for x, _ in points[edge]}) < FEWEST or not np.all(np.isfinite(points[edge])):
-            raise BadInput(f"{place_of(path)}: the {edge} edge, expected at least {FEWEST} points with finite numbers")
+            raise BadInput(
+                f"{place_of(path)}: the {edge} edge, expected at least {FEWEST} points with "
+                "finite numbers"
+            )
     curves = [_curve(np.array(sorted(points[edge]))) for edge in EDGES]
     low, high = (side(curve.x[end] for curve in curves) for side, end in ((max, 0), (min, -1)))
     if not low < high:
-        raise BadInput(f"{place_of(path)}: the edges lie beside each other, expected the same range of x_mm")
+        raise BadInput(
+            f"{place_of(path)}: the edges lie beside each other, expected the same range of x_mm"
+        )
     fine = np.linspace(low, high, 20 * ROWS)
     neck = float(fine[np.argmin(curves[0](fine) - curves[1](fine))])
     x = _rows_around(neck, float(low), float(high))
-    left, right = curves[0](x), -curves[1](x)
+    left = curves[0](x)
+    right = -curves[1](x)
     thin = np.flatnonzero(left + right <= 0)
     if len(thin):
-        raise BadInput(f"{place_of(path)}: the edges meet at x_mm = {x[thin[0]]:.4g}, expected left above right")
+        raise BadInput(
+            f"{place_of(path)}: the edges meet at x_mm = {x[thin[0]]:.4g}, expected left above "
+            "right"
+        )
     return [[round(float(each), 7) for each in row] for row in np.column_stack([x, left, right])]
 
 
 def _curve(points: Array) -> Any:
-    """Return a smoothing spline through means of points (n, 2) that lie close together; `x` are their positions."""
-    from scipy.interpolate import make_smoothing_spline  # takes a fifth of a second to import, for scans alone
+    """Return a smoothing spline through means of points (n, 2) that lie close together; `x` are
+    their positions.
+    """
+    from scipy.interpolate import (
+        make_smoothing_spline,
+    )  # takes a fifth of a second to import, for scans alone
 
-    first, last = points[0, 0], points[-1, 0]
+    first = points[0, 0]
+    last = points[-1, 0]
     count = min(MEANS, len(points))
     bins = np.minimum((count * (points[:, 0] - first) / (last - first)).astype(int), count - 1)
     kept = np.bincount(bins) > 0
@@ -92,5 +117,6 @@ def _curve(points: Array) -> Any:
 def _rows_around(neck: float, low: float, high: float) -> Array:
     """Return positions (n,) from `low` to `high`, denser at the neck."""
     share = np.linspace(0, 1, ROWS // 2 + 1) ** CROWDED
-    left, right = neck - share[::-1] * (neck - low), neck + share * (high - neck)
+    left = neck - share[::-1] * (neck - low)
+    right = neck + share * (high - neck)
     return np.unique(np.concatenate([left, right]))

@@ -23,22 +23,27 @@ from flexfem.mechanism.stage_file import StageContent, actuators_of, hinges_of, 
 
 
 class Stage(StageContent):
-    """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the file.
+    """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the
+    file.
 
-    model : plane model; "corrected" uses hinges corrected by three-dimensional analyses, in the analytic model only.
-    """
+    model : plane model; "corrected" uses hinges corrected by three-dimensional analyses, in the
+    analytic model only."""
 
     def replace(self, **changes: Any) -> Stage:
-        """Return a changed stage, validated and checked for feasibility; other values stay the same bit for bit.
+        """Return a changed stage, validated and checked for feasibility; other values stay the same
+        bit for bit.
 
         Parameters
         ----------
-        **changes : by attribute name, in mm, N, MPa and rad, nested as the tables are: `thickness=12.0`,
-            `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`; `material="ti-6al-4v"` takes a registered
-            material. `radius`, `neck`, `prismatic` and `axis` are those of the hinges, one value for all three or by
-            name, `neck={"elbow": 0.4}`; a hinge with an override keeps it. A single one of the nine hinges:
-            `override={(2, "elbow"): {"neck": 0.52}}`; an actuator, `actuator={"base": {"preload": 40.0}}`, or on one
-            chain, `override={(2, "actuator", "base"): {"preload": 40.0}}`. A sequence replaces all members of an array.
+        **changes : by attribute name, in mm, N, MPa and rad, nested as the tables are:
+        `thickness=12.0`,
+            `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`; `material="ti-6al-4v"`
+            takes a registered material. `radius`, `neck`, `prismatic` and `axis` are those of the
+            hinges, one value for all three or by name, `neck={"elbow": 0.4}`; a hinge with an
+            override keeps it. A single one of the nine hinges: `override={(2, "elbow"): {"neck":
+            0.52}}`; an actuator, `actuator={"base": {"preload": 40.0}}`, or on one chain,
+            `override={(2, "actuator", "base"): {"preload": 40.0}}`. A sequence replaces all members
+            of an array.
 
         Raises
         ------
@@ -51,11 +56,10 @@ class Stage(StageContent):
         >>> stage = flexfem.load("geometry/mobility6.toml")
         >>> stage.replace(neck={"elbow": 0.4}).hinges.elbow.neck
         0.4
-        >>> stage.replace(neck=20.0)
+        >>> stage.replace(neck=20.0)  # doctest: +ELLIPSIS
         Traceback (most recent call last):
             ...
-        flexfem.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide as the \
-link, expected < chain.link_width_mm = 9
+        flexfem.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide ...
         """
         changed = self._replaced(changes)
         check_feasible(changed)
@@ -64,7 +68,9 @@ link, expected < chain.link_width_mm = 9
         return changed
 
     def array(self, attr: str) -> AnyArray:
-        """Return radius, neck (mm) or prismatic (bool) of all hinges, (3 chains, 3 hinges), read-only."""
+        """Return radius, neck (mm) or prismatic (bool) of all hinges, (3 chains, 3 hinges),
+        read-only.
+        """
         if attr not in ("radius", "neck", "prismatic"):
             raise ValueError(f"no array of {attr!r}: expected radius, neck or prismatic")
         values: AnyArray = getattr(lower(self), attr)
@@ -72,7 +78,9 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def layout(self) -> Layout:
-        """The stage as any other mechanism: pads, links, platform and hinges. Raises BadInput as `stage_layout`."""
+        """The stage as any other mechanism: pads, links, platform and hinges. Raises BadInput as
+        `stage_layout`.
+        """
         with located(self):
             return stage_layout(self)
 
@@ -93,17 +101,22 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the physical content, overrides applied; names, provenance, drive and expansion are excluded."""
-        old = {"model"} if self.model == "plane_stress" else set()  # keeps hashes that are older than the key
+        """SHA-256 of the physical content, overrides applied; names, provenance, drive and
+        expansion are excluded.
+        """
+        old = (
+            {"model"} if self.model == "plane_stress" else set()
+        )  # keeps hashes that are older than the key
         hinges = [[hinge.model_dump() for hinge in chain] for chain in hinges_of(self)]
         return self._digest({"override", "actuator", *old}, {"hinges": hinges})
 
     @property
     def drive_hash(self) -> str:
-        """SHA-256 of the physical content and of the drive, without names, on which results of a driven stage depend.
+        """SHA-256 of the physical content and of the drive, without names, on which results of a
+        driven stage depend.
 
-        Unstated friction and balls that are not loose are left out, which keeps hashes older than those keys.
-        """
+        Unstated friction and balls that are not loose are left out, which keeps hashes older than
+        those keys."""
 
         def content(actuator: Actuator) -> list[Any]:
             excluded = {"name", "stack"} | ({"friction"} if actuator.friction is None else set())
@@ -116,12 +129,20 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def heat_hash(self) -> str:
-        """SHA-256 of the physical content and of both coefficients of expansion, on which thermal results depend."""
-        return digest(canonical({"stage": self.hash, "expansion": [self.material.expansion, self.frame.expansion]}))
+        """SHA-256 of the physical content and of both coefficients of expansion, on which thermal
+        results depend.
+        """
+        return digest(
+            canonical(
+                {"stage": self.hash, "expansion": [self.material.expansion, self.frame.expansion]}
+            )
+        )
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Key paths of all numbers except those of the drive and of expansion, which few results depend on."""
+        """Key paths of all numbers except those of the drive and of expansion, which few results
+        depend on.
+        """
         return tuple(key for key in super().numbers if not of_drive(key) and not of_heat(key))
 
     @property
@@ -131,30 +152,44 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def heat_assumptions(self) -> Assumptions:
-        """Assumed and unstated numbers, expansion included; an unstated expansion of the frame is assumed."""
-        assumed, not_stated = ([key for key in keys if not of_drive(key)] for keys in self.drive_assumptions)
+        """Assumed and unstated numbers, expansion included; an unstated expansion of the frame is
+        assumed.
+        """
+        assumed, not_stated = (
+            [key for key in keys if not of_drive(key)] for keys in self.drive_assumptions
+        )
         frame = ["frame.expansion_um_per_m_k"] if self.frame.expansion is None else []
         return Assumptions(assumed + frame, not_stated)
 
     @property
     def drive_assumptions(self) -> Assumptions:
-        """Assumed and unstated numbers, drive included; a ball without a stated material is assumed to be of steel."""
+        """Assumed and unstated numbers, drive included; a ball without a stated material is assumed
+        to be of steel.
+        """
         ball = [
             f"{key_path(('actuator', k), self)}.ball ({assumption})"
             for k, actuators in enumerate(zip(*actuators_of(self), strict=True))
-            for assumption in dict.fromkeys(text for actuator in actuators for text in actuator.assumed_of_ball)
+            for assumption in dict.fromkeys(
+                text for actuator in actuators for text in actuator.assumed_of_ball
+            )
         ]
         sources = self.sources
-        return Assumptions([*super().assumed, *ball], [key for key in super().numbers if sources[key] is None])
+        return Assumptions(
+            [*super().assumed, *ball], [key for key in super().numbers if sources[key] is None]
+        )
 
 
 def load_stage(path: PathLike) -> Stage:
-    """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
+    """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for
+    invalid content.
+    """
     return read_plate(Stage, path)
 
 
 def load_feasible(path: PathLike) -> Stage:
-    """Read a stage file. Raises BadInput, naming the file, also for a stage that cannot be made or driven."""
+    """Read a stage file. Raises BadInput, naming the file, also for a stage that cannot be made or
+    driven.
+    """
     stage = load_stage(path)
     check_feasible(stage)
     if stage.actuator:

@@ -1,7 +1,8 @@
-"""Validated content of a stage file in N-mm-MPa-rad: tables, overrides, and their location in the file.
+"""Validated content of a stage file in N-mm-MPa-rad: tables, overrides, and their location in the
+file.
 
-File keys end in their unit; attributes carry none and are in inside units (degrees of the file become radians).
-"""
+File keys end in their unit; attributes carry none and are in inside units (degrees of the file
+become radians)."""
 
 from __future__ import annotations
 
@@ -27,12 +28,22 @@ CHAINS = (1, 2, 3)
 
 
 class Chain(Table):
-    """Chain 1; the others are rotated by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
+    """Chain 1; the others are rotated by 120 and 240 degrees. Lengths in mm, relative angles as in
+    (19) in rad.
+    """
 
-    link_lengths: tuple[Length, Length, Length] = Field(alias="link_lengths_mm", examples=[[30.0, 32.0, 24.0]])
-    """l1 from base to elbow hinge, l2 from elbow to platform hinge, l3 from platform hinge to platform centre"""
-    joint_angles: tuple[Angle, Angle, Angle] = Field(alias="joint_angles_deg", examples=[[180.0, -90.0, 90.0]])
-    """phi_1, phi_2, phi_3 at rest, counter-clockwise: phi_1 relative to the x axis, the others to the previous link"""
+    link_lengths: tuple[Length, Length, Length] = Field(
+        alias="link_lengths_mm", examples=[[30.0, 32.0, 24.0]]
+    )
+    """l1 from base to elbow hinge, l2 from elbow to platform hinge, l3 from platform hinge to
+    platform centre
+    """
+    joint_angles: tuple[Angle, Angle, Angle] = Field(
+        alias="joint_angles_deg", examples=[[180.0, -90.0, 90.0]]
+    )
+    """phi_1, phi_2, phi_3 at rest, counter-clockwise: phi_1 relative to the x axis, the others to
+    the previous link
+    """
     link_width: Length = Field(alias="link_width_mm", examples=[9.0])
     """Width of links, clamped pads and lugs of the platform"""
 
@@ -45,10 +56,12 @@ class Hinge(Table):
     neck: Length = Field(alias="neck_mm", examples=[0.5])
     """Width t of the neck, the narrowest section between the two cuts"""
     prismatic: bool = False
-    """Whether the analytic model includes the axial compliance of the hinge besides its rotational compliance"""
+    """Whether the analytic model includes the axial compliance of the hinge besides its rotational
+    compliance
+    """
     axis: Angle | None = Field(default=None, alias="axis_deg", examples=[180.0])
-    """Direction of the neck in the frame of chain 1, rotated with each chain; by default along link 1 for the base and
-    elbow hinges, along link 2 for the platform hinge"""
+    """Direction of the neck in the frame of chain 1, rotated with each chain; by default along link
+    1 for the base and elbow hinges, along link 2 for the platform hinge """
 
 
 class Hinges(Table):
@@ -68,14 +81,22 @@ class Platform(Table):
     radius: Length = Field(alias="radius_mm", examples=[17.0])
     """Radius of the disc"""
     hub_radius: Length = Field(alias="hub_radius_mm", examples=[8.0])
-    """Radius of the hole in the disc, modelled as a rigid hub on which loads act and of which the pose is read"""
+    """Radius of the hole in the disc, modelled as a rigid hub on which loads act and of which the
+    pose is read
+    """
 
 
 class Frame(Table):
-    """The frame to which the pads are clamped: coefficient of linear thermal expansion, 1/K; None for the stage's."""
+    """The frame to which the pads are clamped: coefficient of linear thermal expansion, 1/K; None
+    for the stage's.
+    """
 
-    expansion: FrameExpansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[12.0])
-    """Coefficient of linear thermal expansion of the frame; by default the frame is assumed to expand like the stage"""
+    expansion: FrameExpansion | None = Field(
+        default=None, alias="expansion_um_per_m_k", examples=[12.0]
+    )
+    """Coefficient of linear thermal expansion of the frame; by default the frame is assumed to
+    expand like the stage
+    """
 
 
 OF_HINGES = tuple(Hinge.model_fields)  # attributes that changes may name without the table
@@ -84,7 +105,9 @@ Overridden = TypeVar("Overridden", bound=Table)
 
 
 def place_of_override(override: Mapping[str, Any]) -> Place:
-    """Return the target of an override: chain and hinge, or chain, "actuator" and the name of the actuator."""
+    """Return the target of an override: chain and hinge, or chain, "actuator" and the name of the
+    actuator.
+    """
     if override.get("actuator") is not None:
         return override["chain"], "actuator", override["actuator"]
     return override["chain"], override["hinge"]
@@ -92,17 +115,32 @@ def place_of_override(override: Mapping[str, Any]) -> Place:
 
 def of_drive(key: str) -> bool:
     """Return whether a key path of a stage file, or of its provenance, belongs to the drive."""
-    return re.match(r"actuator|override\.\d\.actuator", key.removeprefix("provenance.").lstrip('"')) is not None
+    return (
+        re.match(r"actuator|override\.\d\.actuator", key.removeprefix("provenance.").lstrip('"'))
+        is not None
+    )
 
 
 def of_heat(key: str) -> bool:
-    """Return whether a key path of a stage file, or of its provenance, belongs to thermal expansion."""
-    return re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"')) is not None
+    """Return whether a key path of a stage file, or of its provenance, belongs to thermal
+    expansion.
+    """
+    return (
+        re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"'))
+        is not None
+    )
 
 
-def assumptions_said(assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers ") -> list[str]:
-    """Sentences with the count of assumed numbers and of numbers without a stated source; no sentence for zero."""
-    verbs = ((assumed, ("is assumed", "are assumed")), (not_stated, ("has no stated source", "have no stated source")))
+def assumptions_said(
+    assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers "
+) -> list[str]:
+    """Sentences with the count of assumed numbers and of numbers without a stated source; no
+    sentence for zero.
+    """
+    verbs = (
+        (assumed, ("is assumed", "are assumed")),
+        (not_stated, ("has no stated source", "have no stated source")),
+    )
     return [counted(len(keys), *(of + verb for verb in both)) for keys, both in verbs if keys]
 
 
@@ -127,7 +165,9 @@ class _Target(Table):
     def _has_one_target(self) -> Self:
         if (self.hinge is None) == (self.actuator is None):
             raise refusal("either a hinge or an actuator")
-        about, possible = ("a hinge", OF_HINGES) if self.actuator is None else ("an actuator", OF_ACTUATORS)
+        about, possible = (
+            ("a hinge", OF_HINGES) if self.actuator is None else ("an actuator", OF_ACTUATORS)
+        )
         keys = {name: field.alias or name for name, field in type(self).model_fields.items()}
         known = ", ".join(keys[name] for name in possible)
         for name in self.changes:
@@ -140,7 +180,9 @@ class _Target(Table):
     @property
     def changes(self) -> dict[str, Any]:
         """Overridden attributes of the `Hinge` or `Actuator` with their new values."""
-        return {name: value for name, value in self if value is not None and name not in TARGET_FIELDS}
+        return {
+            name: value for name, value in self if value is not None and name not in TARGET_FIELDS
+        }
 
     @property
     def place(self) -> Place:
@@ -168,7 +210,10 @@ else:
         "Override",
         __base__=_Target,
         __module__=__name__,
-        __doc__="Changed values of one of the nine hinges, or of an actuator on one chain; None keeps a value.",
+        __doc__=(
+            "Changed values of one of the nine hinges, or of an actuator on one chain; None "
+            "keeps a value."
+        ),
         **_FIELDS,
     )
 
@@ -181,9 +226,10 @@ class StageContent(PlateFile):
     name: Label = Field(examples=["my stage"])
     """Name of the stage in tables and figures"""
     model: Plane = "plane_stress"
-    """Plane model of the stage: `plane_stress`, as in the paper; `plane_strain`; or `corrected`: plane stress with
-    hinge compliances and neck stresses corrected for their thickness by three-dimensional finite elements, in the
-    analytic model only, because the finite elements of the stage are plane"""
+    """Plane model of the stage: `plane_stress`, as in the paper; `plane_strain`; or `corrected`:
+    plane stress with hinge compliances and neck stresses corrected for their thickness by
+    three-dimensional finite elements, in the analytic model only, because the finite elements of
+    the stage are plane """
     thickness: Length = Field(alias="thickness_mm", examples=[10.0])
     """Out-of-plane thickness b"""
     material: Material
@@ -195,13 +241,16 @@ class StageContent(PlateFile):
     platform: Platform
     """Disc whose pose is controlled"""
     frame: Frame = Field(default_factory=Frame)
-    """Frame to which the pads are clamped. Only thermal drift uses it: `flexfem drift`, and studies with `[drift]`"""
+    """Frame to which the pads are clamped. Only thermal drift uses it: `flexfem drift`, and studies
+    with `[drift]`
+    """
     override: tuple[Override, ...] = ()
-    """Changed values of a single one of the nine hinges, or of an actuator on one chain: its place, and keys of that
-    hinge or actuator with their values. Any number of overrides in any order, at most one for each hinge or actuator"""
+    """Changed values of a single one of the nine hinges, or of an actuator on one chain: its place,
+    and keys of that hinge or actuator with their values. Any number of overrides in any order, at
+    most one for each hinge or actuator """
     actuator: tuple[Actuator, ...] = ()
-    """A piezo stack, or a pair of stacks, at the same position on every chain; any number of them. Only results of the
-    driven stage depend on them, not those of the passive stage"""
+    """A piezo stack, or a pair of stacks, at the same position on every chain; any number of them.
+    Only results of the driven stage depend on them, not those of the passive stage """
 
     @model_validator(mode="after")
     def _check_overrides(self) -> Self:
@@ -209,14 +258,20 @@ class StageContent(PlateFile):
         actuators = {actuator.name: actuator for actuator in self.actuator}
         for index, override in enumerate(self.override):
             if places[index] in places[:index]:
-                raise refusal(f"one override for each {'hinge' if override.hinge else 'actuator'}", "override", index)
+                raise refusal(
+                    f"one override for each {'hinge' if override.hinge else 'actuator'}",
+                    "override",
+                    index,
+                )
             if override.actuator is None:
                 continue
             if override.actuator not in actuators:
                 expected = f"an actuator of this stage{nearest(override.actuator, actuators)}"
                 raise refusal(expected, "override", index, "actuator")
             stated = override.model_dump(by_alias=True, exclude_none=True, exclude={*TARGET_FIELDS})
-            content = actuators[override.actuator].model_dump(by_alias=True, exclude_none=True) | stated
+            content = (
+                actuators[override.actuator].model_dump(by_alias=True, exclude_none=True) | stated
+            )
             try:
                 Actuator.model_validate(content)
             except ValidationError as error:
@@ -226,7 +281,9 @@ class StageContent(PlateFile):
         return self
 
     def merged(self, changes: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the stated content with changes, also of `OF_HINGES`, for all hinges or by name. Raises BadInput."""
+        """Return the stated content with changes, also of `OF_HINGES`, for all hinges or by name.
+        Raises BadInput.
+        """
         given = plain(changes, tables=True)
         for attribute in [name for name in OF_HINGES if name in given]:
             value = given.pop(attribute)
@@ -253,20 +310,29 @@ class StageContent(PlateFile):
                     raise BadInput(f"override: no hinge {shown(str(place))}, expected {expected}")
             if not isinstance(values, Mapping):
                 keys = f", any of {', '.join(OF_HINGES)}" if "hinge" in target else ""
-                raise BadInput(f"{key_path(('override', *map(str, about)))} = {shown(values)}, expected a table{keys}")
+                raise BadInput(
+                    f"{key_path(('override', *map(str, about)))} = {shown(values)}, expected a "
+                    f"table{keys}"
+                )
             merged[about] = merged.get(about, target) | dict(values)
         return list(merged.values())
 
     def hinge(self, chain: int, name: str) -> Hinge:
-        """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no such hinge."""
+        """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no
+        such hinge.
+        """
         if chain not in CHAINS or name not in HINGE_NAMES:
-            raise ValueError(f"no hinge {name!r} in chain {chain}: chains are {CHAINS}, hinges {HINGE_NAMES}")
+            raise ValueError(
+                f"no hinge {name!r} in chain {chain}: chains are {CHAINS}, hinges {HINGE_NAMES}"
+            )
         return hinges_of(self)[chain - 1][HINGE_NAMES.index(name)]
 
 
 def _overridden(stage: StageContent, table: Overridden, *place: int | str) -> Overridden:
     """Return the table of a hinge or actuator with its override applied."""
-    changes = next((override.changes for override in stage.override if override.place == place), None)
+    changes = next(
+        (override.changes for override in stage.override if override.place == place), None
+    )
     return table.model_copy(update=changes) if changes else table
 
 
@@ -274,17 +340,24 @@ def _overridden(stage: StageContent, table: Overridden, *place: int | str) -> Ov
 def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
     """Return the nine hinges, 3 chains by 3 hinges, overrides applied."""
     named = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
-    return tuple(tuple(_overridden(stage, hinge, chain, name) for name, hinge in named) for chain in CHAINS)
+    return tuple(
+        tuple(_overridden(stage, hinge, chain, name) for name, hinge in named) for chain in CHAINS
+    )
 
 
 @once
 def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
     """Return the actuators of every chain, overrides applied."""
-    return tuple(tuple(_overridden(stage, a, chain, "actuator", a.name) for a in stage.actuator) for chain in CHAINS)
+    return tuple(
+        tuple(_overridden(stage, a, chain, "actuator", a.name) for a in stage.actuator)
+        for chain in CHAINS
+    )
 
 
 def key_of_actuator(stage: StageContent, chain: int, index: int, key: str) -> str:
-    """Key path in the stage file of a value of an actuator on a chain, in its override where there is one."""
+    """Key path in the stage file of a value of an actuator on a chain, in its override where there
+    is one.
+    """
     return _key(stage, (chain, "actuator", stage.actuator[index].name), ("actuator", index), key)
 
 

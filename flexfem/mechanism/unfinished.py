@@ -1,4 +1,6 @@
-"""What can be drawn of a mechanism file that is not finished: parts that cannot be read are left out and named."""
+"""What can be drawn of a mechanism file that is not finished: parts that cannot be read are left
+out and named.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ MOST = 10_000  # faults
 
 
 class Unfinished(NamedTuple):
-    """The readable part of a mechanism file, its layout, and a text for everything that is missing or at fault."""
+    """The readable part of a mechanism file, its layout, and a text for everything that is missing
+    or at fault.
+    """
 
     mechanism: Mechanism
     layout: Layout
@@ -41,12 +45,16 @@ class _Reading:
     def __init__(self, path: PathLike) -> None:
         self.file: TomlFile = read_toml(path)
         self.data: dict[str, Any] = copy.deepcopy(in_millimetres(path, self.file.data))
-        self.numbers = {key: [*range(len(part))] for key, part in self.data.items() if isinstance(part, list)}
+        self.numbers = {
+            key: [*range(len(part))] for key, part in self.data.items() if isinstance(part, list)
+        }
         self.missing = list[str]()
         for key in STAND_INS:
             if key not in self.data:
                 self.stand_in(key, f"{key} is missing")
-        with suppress(BadInput):  # a file of materials that cannot be read is a fault of the material
+        with suppress(
+            BadInput
+        ):  # a file of materials that cannot be read is a fault of the material
             self.data = with_material_of_file(path, self.data)
 
     def stand_in(self, key: str, text: str) -> None:
@@ -64,8 +72,11 @@ class _Reading:
         return one_line(text if line is None else f"line {line}: {text}")
 
     def remove(self, at: KeyPath, text: str) -> None:
-        """Name a fault and remove the part that has it. Raises BadInput where there is no such part."""
-        text, key = self.said(text, at), str(at[0]) if at else ""
+        """Name a fault and remove the part that has it. Raises BadInput where there is no such
+        part.
+        """
+        text = self.said(text, at)
+        key = str(at[0]) if at else ""
         if key in STAND_INS and self.data[key] != STAND_INS[key]:
             self.stand_in(key, text)
             return
@@ -74,7 +85,12 @@ class _Reading:
         if key != "provenance":  # sources of what was removed are no fault
             self.missing.append(text)
         inside = self.data[key]
-        if key == "copy" and "parts" in at and isinstance(at[-1], int) and len(inside[at[1]]["parts"]) > 1:
+        if (
+            key == "copy"
+            and "parts" in at
+            and isinstance(at[-1], int)
+            and len(inside[at[1]]["parts"]) > 1
+        ):
             del inside[at[1]]["parts"][at[-1]]
         elif isinstance(inside, list) and len(at) > 1 and isinstance(at[1], int):
             del inside[at[1]]
@@ -86,7 +102,8 @@ class _Reading:
 
 
 def read_drawable(path: PathLike) -> Unfinished:
-    """Read a mechanism file, or what can be drawn of an unfinished one; a connection to ground may be missing, too.
+    """Read a mechanism file, or what can be drawn of an unfinished one; a connection to ground may
+    be missing, too.
 
     Raises BadInput as `read_mechanism` for a file without a body that can be drawn.
     """
@@ -109,7 +126,10 @@ def _without_faults(path: PathLike) -> Unfinished:
             layout = layout_of(mechanism, absent)
         except ValidationError as error:
             problems = problems_of(error, reading.data)
-            last = max(problems, key=lambda each: [part if isinstance(part, int) else -1 for part in each.path[1:2]])
+            last = max(
+                problems,
+                key=lambda each: [part if isinstance(part, int) else -1 for part in each.path[1:2]],
+            )
             reading.remove(last.path, sentence(last, Mechanism, reading.data))
         except BadInput as refusal:
             reading.remove(_key_of(refusal.reason, reading.data), refusal.reason)

@@ -1,4 +1,6 @@
-"""HTML pages on a stage, a mechanism, a study, stored results or designs, and figure files of stored results."""
+"""HTML pages on a stage, a mechanism, a study, stored results or designs, and figure files of
+stored results.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +31,17 @@ from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import assumptions_said, counted
 from flexfem.page.key import ENDS, SHARES, Ask, opening
-from flexfem.page.section import PageSection, facts, folded, html_of, notes, parts, section, shown_figure, table
+from flexfem.page.section import (
+    PageSection,
+    facts,
+    folded,
+    html_of,
+    notes,
+    parts,
+    section,
+    shown_figure,
+    table,
+)
 from flexfem.page.study import Part, study_parts
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
@@ -61,7 +73,9 @@ Question: TypeAlias = Callable[..., Any]
 
 
 ANALYTIC_MODEL = partial(stiffness, models="analytic")
-ANSWERED: dict[str, tuple[str, tuple[Question, ...], tuple[Question, ...]]] = {  # title, of a stage, of a mechanism
+ANSWERED: dict[
+    str, tuple[str, tuple[Question, ...], tuple[Question, ...]]
+] = {  # title, of a stage, of a mechanism
     "analytic": ("Analytic model", (ANALYTIC_MODEL,), (ANALYTIC_MODEL,)),
     "elements": ("Finite elements", (summary,), (stiffness,)),
     "budget": ("Error budget", (SHARES,), (plates.verification, budget)),
@@ -73,8 +87,11 @@ ANSWERED: dict[str, tuple[str, tuple[Question, ...], tuple[Question, ...]]] = { 
     "life": ("Fatigue life", (life,), ()),
 }
 OF_HINGES = ("analytic", "budget", "life")  # sections that a plate without hinges does not have
-SECTIONS, STANDARD = tuple(ANSWERED), tuple(ANSWERED)[:5]
-DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None]] = {  # with the function of the figure
+SECTIONS = tuple(ANSWERED)
+STANDARD = tuple(ANSWERED)[:5]
+DESIGN_SECTIONS: dict[
+    str, tuple[str, Callable[[Designed], Figure] | None]
+] = {  # with the function of the figure
     "design": ("Design", design_figure),
     "requirements": ("Requirements", None),
     "sensitivity": ("Sensitivity to each dimension", sensitivity_figure),
@@ -84,8 +101,13 @@ DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None]] = { 
 EXPECTED = "one stage, mechanism or study file, or results of verify and design as .json"
 PROVENANCE = "Sources of the numbers"
 WITHOUT_MESH = frozenset(("analytic", "drive", "life"))  # sections of a stage
-STRESS_AMPLITUDES = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands of the stress figure, assumed, as in cases/
-KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # labels of the kinds of assumptions
+STRESS_AMPLITUDES = np.array(
+    [0.05, 0.05, 1e-3]
+)  # mm, mm, rad: commands of the stress figure, assumed, as in cases/
+KINDS = {
+    "assumed": "assumed",
+    "not_stated": "source not stated",
+}  # labels of the kinds of assumptions
 
 
 class PageReport(NamedTuple):
@@ -124,18 +146,19 @@ def report(
     progress: Progress | None = None,
     reading: Reading = NO_READING,
 ) -> PageReport:
-    """Write one self-contained HTML page of a stage, a mechanism, a study or stored results and designs.
+    """Write one self-contained HTML page of a stage, a mechanism, a study or stored results and
+    designs.
 
     Parameters
     ----------
     files : path or sequence of path
-        A stage or mechanism file, a drawing, a study file whose designs are done, or results of verify and design as
-        JSON.
+        A stage or mechanism file, a drawing, a study file whose designs are done, or results of
+        verify and design as JSON.
     output : Path
         Page to write, .html.
     sections : sequence of str
-        Sections of a stage, with commas: analytic, elements, budget, stress, drive, large, modes, drift, life; or all.
-        A mechanism has all but life.
+        Sections of a stage, with commas: analytic, elements, budget, stress, drive, large, modes,
+        drift, life; or all. A mechanism has all but life.
     amplitude : tuple of float, optional
         Amplitude of the platform for the section life, fully reversed: mm, mm, rad.
     folder : Path
@@ -151,14 +174,17 @@ def report(
         Like the functions that compute the sections; then nothing is written.
     """
     paths = [checked_path(path) for path in (files if isinstance(files, list | tuple) else [files])]
-    target, studies_folder = checked_path(output), checked_path(folder)
+    target = checked_path(output)
+    studies_folder = checked_path(folder)
     if target.suffix.lower() not in (".html", ".htm"):
         raise BadInput(f"{place_of(target)}: expected a file that ends in .html")
     names = _checked_sections(sections, amplitude)
     check_file(target, *paths)
     subject = _subject(paths, names, amplitude, studies_folder, reading)
     require_unread(target)  # stages, studies and materials are read by now
-    assumptions = assumptions_said(subject.assumed, subject.not_stated, "of the numbers of this page ")
+    assumptions = assumptions_said(
+        subject.assumed, subject.not_stated, "of the numbers of this page "
+    )
     page_sections = []
     for name, make in subject.parts:
         if progress is not None:
@@ -168,13 +194,21 @@ def report(
         page_sections,
         title=subject.title,
         subtitle=f"{subject.kind}: {', '.join(map(str, paths))}",
-        assumptions=f"{'; '.join(assumptions)}. They are listed under “{PROVENANCE}”." if assumptions else "",
+        assumptions=f"{'; '.join(assumptions)}. They are listed under “{PROVENANCE}”."
+        if assumptions
+        else "",
         command=command_line(paths, target, names, amplitude, studies_folder, reading),
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=versions(),
     ).encode(errors="backslashreplace")  # file names need not be UTF-8
     write_atomically(target, lambda file: file.write(content))
-    return PageReport(str(target), len(content), [s.title for s in page_sections], subject.assumed, subject.not_stated)
+    return PageReport(
+        str(target),
+        len(content),
+        [s.title for s in page_sections],
+        subject.assumed,
+        subject.not_stated,
+    )
 
 
 def command_line(
@@ -188,12 +222,18 @@ def command_line(
     """Return the shell command that makes a page again."""
     words = ["flexfem", "report", *map(str, files), "-o", str(target)]
     words += ["--sections", ",".join(sections)] if tuple(sections) != STANDARD else []
-    words += ["--amplitude", *map(repr, checked_amplitude(amplitude).tolist())] if amplitude is not None else []
+    words += (
+        ["--amplitude", *map(repr, checked_amplitude(amplitude).tolist())]
+        if amplitude is not None
+        else []
+    )
     words += reading.options
     return shlex.join(words + (["--folder", str(kept)] if kept != REPORTS else []))
 
 
-def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = False) -> WrittenFigures:
+def plot_results(
+    *results: Path, output: Path = REPORTS, displacement: bool = False
+) -> WrittenFigures:
     """Draw figures and the report page from stored results, as PNG and PDF.
 
     Parameters
@@ -220,7 +260,11 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     stored = [(result, result.read_fields(path)) for path, result in verified.items()]
     named = [(path.stem, found) for path, found in designs.items()]
     written = write_figures(stored, output, displacement, named) if verified or designs else []
-    written += [figure for path, result in others.items() for figure in write_of_result(result, output / path.name)]
+    written += [
+        figure
+        for path, result in others.items()
+        for figure in write_of_result(result, output / path.name)
+    ]
     return WrittenFigures([*map(str, written)])
 
 
@@ -229,33 +273,52 @@ def _of_question(path: Path) -> Result | None:
     if is_design(path):
         return None
     result = Result.read(path)
-    own = bool(result.figure) and not result.drawn_from_fields and not isinstance(result, Verification)
+    own = (
+        bool(result.figure)
+        and not result.drawn_from_fields
+        and not isinstance(result, Verification)
+    )
     return result if own else None
 
 
 def _read_stored(paths: Sequence[Path]) -> tuple[dict[Path, Verification], dict[Path, Designed]]:
-    """Return stored verifications of cases, and designs, by their files. Raises BadInput for other results."""
-    designs, verified = {path: read_design(path) for path in paths if is_design(path)}, dict[Path, Verification]()
+    """Return stored verifications of cases, and designs, by their files. Raises BadInput for other
+    results.
+    """
+    designs = {path: read_design(path) for path in paths if is_design(path)}
+    verified = dict[Path, Verification]()
     for path in (path for path in paths if path not in designs):
         result = Result.read(path)
         if not isinstance(result, Verification):
-            expected = "results of verify of a case, or of design; other commands draw their results with --output"
+            expected = (
+                "results of verify of a case, or of design; other commands draw their results "
+                "with --output"
+            )
             raise BadInput(f"{place_of(path)}: {result.title}, expected {expected}")
         verified[path] = result
     return verified, designs
 
 
 def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...]:
-    """Return the names of the requested sections; a text may hold several, separated by commas. Raises BadInput."""
+    """Return the names of the requested sections; a text may hold several, separated by commas.
+    Raises BadInput.
+    """
     if isinstance(sections, str) or not isinstance(sections, Sequence):
         raise BadInput(f"sections {printed(sections)}, expected a list of {', '.join(SECTIONS)}")
-    names = tuple(name.strip() for text in sections for name in str(text).split(",") if name.strip()) or STANDARD
+    names = (
+        tuple(name.strip() for text in sections for name in str(text).split(",") if name.strip())
+        or STANDARD
+    )
     if names == ("all",):
         names = tuple(name for name in SECTIONS if name != "life" or amplitude is not None)
     if unknown := [name for name in names if name not in SECTIONS]:
-        raise BadInput(f"sections {', '.join(map(repr, unknown))}, expected some of {', '.join(SECTIONS)}")
+        raise BadInput(
+            f"sections {', '.join(map(repr, unknown))}, expected some of {', '.join(SECTIONS)}"
+        )
     if "life" in names and amplitude is None:
-        raise BadInput("section life without an amplitude, expected the amplitude of the platform: mm, mm, rad")
+        raise BadInput(
+            "section life without an amplitude, expected the amplitude of the platform: mm, mm, rad"
+        )
     if "life" not in names and amplitude is not None:
         raise BadInput("an amplitude without section life, expected none: no other section uses it")
     if amplitude is not None:
@@ -263,13 +326,18 @@ def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...
     return names
 
 
-def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, folder: Path, reading: Reading) -> Subject:
-    """Return the subject of a page, whose kind follows from the content of the files. Raises BadInput."""
+def _subject(
+    files: Sequence[Path], sections: Sequence[str], amplitude: Any, folder: Path, reading: Reading
+) -> Subject:
+    """Return the subject of a page, whose kind follows from the content of the files. Raises
+    BadInput.
+    """
     if not files:
         raise BadInput(f"no file, expected {EXPECTED}")
     if len({os.path.realpath(path) for path in files}) < len(files):
         raise BadInput(f"{', '.join(map(place_of, files))}: expected each file once")
-    stored, first = all(path.suffix.lower() == ".json" for path in files), place_of(files[0])
+    stored = all(path.suffix.lower() == ".json" for path in files)
+    first = place_of(files[0])
     if not stored and len(files) > 1:
         raise BadInput(f"{first} and {len(files) - 1} more, expected {EXPECTED}")
     if is_drawing(files[0]):
@@ -282,7 +350,10 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
         raise BadInput(f"{first}: this is a {kind or 'TOML file'}, expected {EXPECTED}")
     if tuple(sections) != STANDARD or amplitude is not None:
         this = "a study" if kind == "study file" else kind
-        raise BadInput(f"{first}: sections or an amplitude, expected none: they apply to a stage, and this is {this}")
+        raise BadInput(
+            f"{first}: sections or an amplitude, expected none: they apply to a stage, and this "
+            f"is {this}"
+        )
     return _stored_subject(files) if stored else _study_subject(files[0], folder)
 
 
@@ -298,7 +369,9 @@ def _study_subject(path: Path, folder: Path) -> Subject:
     loaded = found.source.loaded
     texts = {f"stage: {key}": text for key, text in loaded.base.sources.items()}
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
-    rows = [[key, label, texts.get(key) or ""] for kind, label in KINDS.items() for key in status[kind]]
+    rows = [
+        [key, label, texts.get(key) or ""] for kind, label in KINDS.items() for key in status[kind]
+    ]
     made = study_parts(found.source, found.found, status)
     made.append(("sources", partial(_provenance_section, rows, "source")))
     return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], made)
@@ -306,13 +379,17 @@ def _study_subject(path: Path, folder: Path) -> Subject:
 
 def _stored_subject(files: Sequence[Path]) -> Subject:
     verified, read = _read_stored(files)
-    results, designs = [*verified.values()], [*read.values()]
+    results = [*verified.values()]
+    designs = [*read.values()]
     made: list[Part] = [
         (f"{design.name}: {name}", partial(_design_section, design, name, number))
         for number, design in enumerate(designs, start=1)
         for name in design.sections()
     ]
-    made += [(case.name, partial(_case_section, case, number)) for number, case in enumerate(results, start=1)]
+    made += [
+        (case.name, partial(_case_section, case, number))
+        for number, case in enumerate(results, start=1)
+    ]
     records: list[Any] = [*results, *designs]
     rows = assumption_rows([(record.name, record) for record in records])
     made.append(("sources", partial(_provenance_section, rows, "in")))
@@ -332,14 +409,20 @@ def _plate_subject(plate: Stage | Mechanism, names: Sequence[str], amplitude: An
     if not plate.layout.joints:
         names = [name for name in names if name not in OF_HINGES]
         if not names:
-            raise BadInput(f"{plate.origin}: no [[hinge]], expected sections other than {', '.join(OF_HINGES)}")
-    checked, meshed = check(plate), not (WITHOUT_MESH if stage else {"analytic"}).issuperset(names)
+            raise BadInput(
+                f"{plate.origin}: no [[hinge]], expected sections other than {', '.join(OF_HINGES)}"
+            )
+    checked = check(plate)
+    meshed = not (WITHOUT_MESH if stage else {"analytic"}).issuperset(names)
     if stage and meshed:  # both models are in the same plane problem
         plate = stage.model_copy(update={"model": stage.model})
         plate.__dict__["origin"] = stage.origin
     ask = cache(lambda question: question(plate))
-    assumed, not_stated = _assumptions([each for each in (checked, getattr(checked, "drive", None)) if each])
-    kind, opened = type(plate).__name__, partial(opening, plate, ask, names, meshed)
+    assumed, not_stated = _assumptions(
+        [each for each in (checked, getattr(checked, "drive", None)) if each]
+    )
+    kind = type(plate).__name__
+    opened = partial(opening, plate, ask, names, meshed)
     made: list[Part] = [(kind.lower(), partial(_drawing_section, plate, checked, opened))]
     driven = plate.actuator if isinstance(plate, Stage) else plate.layout.actuators
     for name, (_, of_stage, of_mechanism) in ANSWERED.items():
@@ -349,30 +432,41 @@ def _plate_subject(plate: Stage | Mechanism, names: Sequence[str], amplitude: An
             questions = of_stage if stage else of_mechanism
             questions = (partial(life, amplitude=amplitude),) if name == "life" else questions
             made.append((name, partial(_answers_section, name, ask, questions)))
-    made.append(("sources", partial(_provenance_section, _provenance(plate, assumed, not_stated), "source")))
+    made.append(
+        ("sources", partial(_provenance_section, _provenance(plate, assumed, not_stated), "source"))
+    )
     return Subject(plate.name, kind, assumed, not_stated, made)
 
 
 def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
     """Return the assumed keys of all records, and those without a source."""
-    assumed, not_stated = (list(dict.fromkeys(k for each in records for k in getattr(each, kind))) for kind in KINDS)
+    assumed, not_stated = (
+        list(dict.fromkeys(k for each in records for k in getattr(each, kind))) for kind in KINDS
+    )
     return assumed, not_stated
 
 
 def _provenance(stage: PlateFile, assumed: list[str], not_stated: list[str]) -> list[list[str]]:
     """Return rows of key, kind and source for all values of a file, those assumed first."""
     sources = {key: text for key, text in stage.sources.items() if text and key in stage.values}
-    assumed = list(dict.fromkeys([*assumed, *(key for key, text in sources.items() if is_assumed(text))]))
+    assumed = list(
+        dict.fromkeys([*assumed, *(key for key, text in sources.items() if is_assumed(text))])
+    )
     rows = [[key, "assumed", sources.get(key, "not a number of the file")] for key in assumed]
     rows += [[key, "source not stated", "no source in the file"] for key in not_stated]
-    return rows + [[key, "stated", text] for key, text in sources.items() if key not in {*assumed, *not_stated}]
+    return rows + [
+        [key, "stated", text] for key, text in sources.items() if key not in {*assumed, *not_stated}
+    ]
 
 
 def _answers_section(name: str, ask: Ask, questions: Sequence[Question]) -> PageSection:
     """Return the tables of the results of questions, and their figures."""
-    title, answers = ANSWERED[name][0], [ask(question) for question in questions]
+    title = ANSWERED[name][0]
+    answers = [ask(question) for question in questions]
     drawn = [found for found in answers if found.figure and name not in ("analytic", "elements")]
-    figures = [shown_figure(f"{name}-figure", partial(_main_figure, found), title) for found in drawn]
+    figures = [
+        shown_figure(f"{name}-figure", partial(_main_figure, found), title) for found in drawn
+    ]
     return section(name, title, *map(parts.answered, answers), *figures)
 
 
@@ -381,22 +475,35 @@ def _main_figure(found: Any) -> Any:
 
 
 def _drawing_section(
-    subject: Stage | Mechanism, checked: StageReport | MechanismReport, opened: Callable[[Markup], Markup]
+    subject: Stage | Mechanism,
+    checked: StageReport | MechanismReport,
+    opened: Callable[[Markup], Markup],
 ) -> PageSection:
-    """Return the drawing of a stage or mechanism and its key results, then its dimensions and parts."""
+    """Return the drawing of a stage or mechanism and its key results, then its dimensions and
+    parts.
+    """
     pairs, tables = record_parts(checked, plain=False)
-    pairs = [pair for pair in pairs if not (pair[0] == "sources" and pair[1].startswith("\n"))]  # in another section
+    pairs = [
+        pair for pair in pairs if not (pair[0] == "sources" and pair[1].startswith("\n"))
+    ]  # in another section
     kind = type(subject).__name__.lower()
     figure = shown_figure(
-        "drawing", partial(drawing_figure, subject, small=True), f"Drawing to scale of {subject.name}", table(tables[0])
+        "drawing",
+        partial(drawing_figure, subject, small=True),
+        f"Drawing to scale of {subject.name}",
+        table(tables[0]),
     )
     listed = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
     return section(kind, f"The {kind}", opened(figure), notes(checked.warnings), listed)
 
 
 def _stress_section(subject: Stage | Mechanism) -> PageSection:
-    """Return the von Mises stress by finite elements for displacements in X, in Y (of a mechanism) and in theta."""
-    drawn, stresses, stage = dict[str, Fields](), dict[str, Array](), isinstance(subject, Stage)
+    """Return the von Mises stress by finite elements for displacements in X, in Y (of a mechanism)
+    and in theta.
+    """
+    drawn = dict[str, Fields]()
+    stresses = dict[str, Array]()
+    stage = isinstance(subject, Stage)
     for axis in (0, 2) if stage else (0, 1, 2):
         held = tuple(STRESS_AMPLITUDES[axis] * np.eye(3)[axis])
         found = stiffness(subject, models="elements", displacement=held, no_limits=not stage)
@@ -410,26 +517,42 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
     labels = [f"{h} hinge, {chain}" for chain in AXES["chain"] for h in AXES["hinge"]]
     if not stage:
         labels = [*found.axes["hinge"], *(f"body {name}" for name in found.axes.get("body", ()))]
-    rows = [[label, *map(significant, row)] for label, *row in zip(labels, *stresses.values(), strict=True)]
+    rows = [
+        [label, *map(significant, row)]
+        for label, *row in zip(labels, *stresses.values(), strict=True)
+    ]
     head = ["part", *(f"{name} ({STRESS})" for name in drawn)]
     data = table(TextTable(head, rows, 1, "Highest von Mises stress of each hinge and body"))
     highest = "; ".join(
         f"{name}: {significant(float(stress.max()))} {STRESS} at most, "
-        f"{percent(100 * float(stress.max()) / subject.material.yield_strength)} of the yield strength"
+        f"{percent(100 * float(stress.max()) / subject.material.yield_strength)} of the yield "
+        "strength"
         for name, stress in stresses.items()
     )
     note = f"The other directions are held; the amplitudes are assumed. {highest}."
-    figure = shown_figure("stress-figure", partial(stress_figure, drawn), "Von Mises stress when displaced", data)
+    figure = shown_figure(
+        "stress-figure", partial(stress_figure, drawn), "Von Mises stress when displaced", data
+    )
     return section("stress", "Stress", notes([note], "note"), figure)
 
 
 def _design_section(design: Designed, name: str, number: int) -> PageSection:
     """Return one section of the tables of a design, with its figure."""
-    (title, draw), anchor, made = DESIGN_SECTIONS[name], f"design-{number}-{name}", list[Markup]()
+    title, draw = DESIGN_SECTIONS[name]
+    anchor = f"design-{number}-{name}"
+    made = list[Markup]()
     title = f"{title}: {design.name}"
     if name == "design":
-        pairs = [("requirements", design.file), ("base stage", design.base), ("result", f"it {design.state}")]
-        made += facts([*pairs, ("seed", str(design.seed))]), notes(design.warnings), notes(design.sentences(), "note")
+        pairs = [
+            ("requirements", design.file),
+            ("base stage", design.base),
+            ("result", f"it {design.state}"),
+        ]
+        made += (
+            facts([*pairs, ("seed", str(design.seed))]),
+            notes(design.warnings),
+            notes(design.sentences(), "note"),
+        )
     made += [shown_figure(f"{anchor}-figure", partial(draw, design), title)] if draw else []
     return section(anchor, title, *made, *map(table, design.sections(plain=False)[name]))
 
@@ -437,23 +560,40 @@ def _design_section(design: Designed, name: str, number: int) -> PageSection:
 def _case_section(result: Verification, number: int) -> PageSection:
     """Return the error curves of a case with their mesh bands."""
     command = unit_for(result.direction, max(map(abs, result.commanded)))
-    columns = {f"commanded {SYMBOLS[DIRECTIONS.index(result.direction)]} ({command})": (result.commanded, command)}
+    columns = {
+        f"commanded {SYMBOLS[DIRECTIONS.index(result.direction)]} ({command})": (
+            result.commanded,
+            command,
+        )
+    }
     for label in result.curves:
         for symbol, axis in zip(SYMBOLS, DIRECTIONS, strict=True):
             values = result.at("error", curve=label, direction=axis).tolist()
             unit = unit_for(axis, max(map(abs, values)))
             columns[f"{label}: error in {symbol} ({unit})"] = (values, unit)
-    texts = [[significant(value * unit.factor, 5) for value in values] for values, unit in columns.values()]
+    texts = [
+        [significant(value * unit.factor, 5) for value in values]
+        for values, unit in columns.values()
+    ]
     data = table(TextTable([*columns], [*map(list, zip(*texts, strict=True))], 0))
-    figure = shown_figure(f"curves-{number}", partial(error_figure, result), f"Errors of {result.name}", data)
+    figure = shown_figure(
+        f"curves-{number}", partial(error_figure, result), f"Errors of {result.name}", data
+    )
     return section(f"case-{number}", result.name, figure, parts.answered(result))
 
 
 def _provenance_section(rows: Sequence[Sequence[str]], last: str) -> PageSection:
-    """Return the table of rows of a key, its kind, and its source or records; `last` is the heading of these."""
+    """Return the table of rows of a key, its kind, and its source or records; `last` is the heading
+    of these.
+    """
     assumed, not_stated = (sum(row[1] == kind for row in rows) for kind in KINDS.values())
     tag = Markup('<span class="tag">{}</span>')
-    marked = [[key, kind if kind == "stated" else tag.format(kind), text] for key, kind, text in rows]
-    counts = counted(assumed, "of these numbers is", "of these numbers are"), counted(not_stated, "has", "have")
+    marked = [
+        [key, kind if kind == "stated" else tag.format(kind), text] for key, kind, text in rows
+    ]
+    counts = (
+        counted(assumed, "of these numbers is", "of these numbers are"),
+        counted(not_stated, "has", "have"),
+    )
     listed = TextTable(["key of the file", "kind", last], marked, 3)
     return section("provenance", PROVENANCE, parts.sources(listed, *counts))

@@ -1,7 +1,7 @@
 """Sections, tables and figures of a page, combined into one self-contained HTML file.
 
-The parts of a section are the macros of `templates/parts.html`: `table`, `facts`, `notes`, `folded` and others.
-"""
+The parts of a section are the macros of `templates/parts.html`: `table`, `facts`, `notes`, `folded`
+and others."""
 
 from __future__ import annotations
 
@@ -31,10 +31,14 @@ NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 FONTS = "'DejaVu Sans', Verdana, sans-serif"  # both have the same letter widths
 POINTS = 72.0  # per inch
 PAD = 4.0  # points around a figure
-COLOUR = re.compile(r"(?<=fill: |roke: )#((?!440154)[0-9a-f]{6})")  # in a style of SVG, but for the lowest stress
+COLOUR = re.compile(
+    r"(?<=fill: |roke: )#((?!440154)[0-9a-f]{6})"
+)  # in a style of SVG, but for the lowest stress
 HATCHED = re.compile(r'fill="(#[0-9a-f]{6})"')  # ground of a hatch
 THEMED = re.compile(r"var\(--c([0-9a-f]{6})")
-DRAWN, WIDE, STEP = 0.07, 560.0, 1.0  # largest drawn displacement over the size of a plate; its width, steps of lines
+DRAWN = 0.07
+WIDE = 560.0
+STEP = 1.0  # largest drawn displacement over the size of a plate; its width, steps of lines
 TARGET = 5.0  # points, half the side of a pointer target on a marker
 MARKERS = 300  # largest number on a curve with pointer targets
 
@@ -50,15 +54,24 @@ class PageSection(NamedTuple):
 def sentence(text: str) -> str:
     """Return the text with an initial capital and a final full stop."""
     text = text.strip()
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) or not text else '.'}"
+    return (
+        f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) or not text else '.'}"
+    )
 
 
 ENVIRONMENT = Environment(
-    loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    loader=FileSystemLoader(TEMPLATES),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
 )
 ENVIRONMENT.filters["sentence"] = sentence
 parts: Any = ENVIRONMENT.get_template("parts.html").module
-table, facts, notes, folded = parts.table, parts.facts, parts.notes, parts.folded
+table = parts.table
+facts = parts.facts
+notes = parts.notes
+folded = parts.folded
 
 
 def section(name: str, title: str, *html: Markup) -> PageSection:
@@ -69,11 +82,16 @@ def section(name: str, title: str, *html: Markup) -> PageSection:
 def html_of(sections: list[PageSection], **page: Any) -> str:
     """Return the text of an HTML file.
 
-    `page` : title, subtitle, notice of assumptions, command that makes the page again, time and versions.
-    """
+    `page` : title, subtitle, notice of assumptions, command that makes the page again, time and
+    versions."""
     script, style = ((TEMPLATES / name).read_text() for name in ("page.js", "page.css"))
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()  # no other script may run
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; "
+    digest = base64.b64encode(
+        hashlib.sha256(script.encode()).digest()
+    ).decode()  # no other script may run
+    policy = (
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src "
+        f"'sha256-{digest}'; "
+    )
     policy += "base-uri 'none'; form-action 'none'"
     used = sorted({colour for section in sections for colour in THEMED.findall(section.html)})
     dark = "".join(f"--c{colour}: {dark_of(colour)}; " for colour in used)
@@ -83,16 +101,21 @@ def html_of(sections: list[PageSection], **page: Any) -> str:
 
 
 def dark_of(colour: str) -> str:
-    """Return the colour of the dark theme in place of six hexadecimal digits: the hue stays, light becomes dark."""
+    """Return the colour of the dark theme in place of six hexadecimal digits: the hue stays, light
+    becomes dark.
+    """
     hue, light, saturation = colorsys.rgb_to_hls(*(part / 255 for part in bytes.fromhex(colour)))
     return f"#{bytes(round(255 * x) for x in colorsys.hls_to_rgb(hue, 0.92 - 0.83 * light, saturation)).hex()}"
 
 
-def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: Markup | None = None) -> Markup:
-    """Return a figure of the package as a part of a section, with the lines of its header as the caption.
+def shown_figure(
+    name: str, draw: Callable[[], Figure], description: str, data: Markup | None = None
+) -> Markup:
+    """Return a figure of the package as a part of a section, with the lines of its header as the
+    caption.
 
-    `name` : id, unique on a page.   `description` : for a screen reader.   `data` : table of its numbers.
-    """
+    `name` : id, unique on a page.   `description` : for a screen reader.   `data` : table of its
+    numbers."""
     with headless() as lines:
         figure = draw()
     svg = inline_svg(figure, name)
@@ -100,14 +123,20 @@ def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: 
 
 
 def moving_svg(nodes: Array, triangles: AnyArray, field: Array, swings: bool = True) -> Markup:
-    """Return a mesh (n, 2) that moves by a field (n, 2), exaggerated, in front of its outline at rest.
+    """Return a mesh (n, 2) that moves by a field (n, 2), exaggerated, in front of its outline at
+    rest.
 
-    swings : to both sides of the position at rest, as a mode; otherwise from rest to the field and back.
-    """
-    low, size = nodes.min(axis=0), np.ptp(nodes, axis=0)
-    largest, room = float(np.linalg.norm(field, axis=1).max()) or 1.0, (DRAWN + 0.01) * size.max()
-    scale, width = WIDE / (size[0] + 2 * room), size + 2 * room
-    following = {int(first): (int(middle), int(last)) for first, last, middle in boundary_of(triangles)}
+    swings : to both sides of the position at rest, as a mode; otherwise from rest to the field and
+    back."""
+    low = nodes.min(axis=0)
+    size = np.ptp(nodes, axis=0)
+    largest = float(np.linalg.norm(field, axis=1).max()) or 1.0
+    room = (DRAWN + 0.01) * size.max()
+    scale = WIDE / (size[0] + 2 * room)
+    width = size + 2 * room
+    following = {
+        int(first): (int(middle), int(last)) for first, last, middle in boundary_of(triangles)
+    }
     loops = list[list[int]]()
     while following:
         at = next(iter(following))
@@ -122,9 +151,13 @@ def moving_svg(nodes: Array, triangles: AnyArray, field: Array, swings: bool = T
     def path(share: float) -> str:
         moved = (nodes + share * DRAWN * float(size.max()) / largest * field - low + room) * scale
         moved[:, 1] = width[1] * scale - moved[:, 1]
-        return "".join("M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in moved[loop].tolist()) + "Z" for loop in loops)
+        return "".join(
+            "M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in moved[loop].tolist()) + "Z"
+            for loop in loops
+        )
 
-    rest, ends = path(0.0), (path(1.0), path(-1.0)) if swings else (path(0.0), path(1.0))
+    rest = path(0.0)
+    ends = (path(1.0), path(-1.0)) if swings else (path(0.0), path(1.0))
     return Markup(parts.moving(WIDE, float(width[1] * scale), rest, ends))
 
 
@@ -134,32 +167,64 @@ def inline_svg(figure: Figure, name: str) -> Markup:
     Its ids begin with `name`; markers of curves and bars show their values under the pointer.
     """
     text = NOT_XML.sub("\ufffd", rendered(figure, "svg").decode())
-    text = re.sub(r"(?s)<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>", "", text[text.index("<svg") :])
+    text = re.sub(
+        r"(?s)<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>", "", text[text.index("<svg") :]
+    )
     text = re.sub(r'\b(id="|href="#)', rf"\1{name}-", text.replace("url(#", f"url(#{name}-"))
-    text = re.sub(r' d="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)  # hundredths of a point
+    text = re.sub(
+        r' d="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text
+    )  # hundredths of a point
     text = HATCHED.sub(r'style="fill: \1"', text.replace("'DejaVu Sans'", FONTS))
     text = COLOUR.sub(r"var(--c\1, #\1)", text)
     (left, low), (right, high) = drawn_box(figure) * POINTS
-    box = left - PAD, figure.get_figheight() * POINTS - high - PAD, right - left + 2 * PAD, high - low + 2 * PAD
+    box = (
+        left - PAD,
+        figure.get_figheight() * POINTS - high - PAD,
+        right - left + 2 * PAD,
+        high - low + 2 * PAD,
+    )
     opening = f'<svg class="drawn" style="--wide: {box[2] / 0.75:.0f}px" viewBox="{" ".join(f"{x:.1f}" for x in box)}"'
-    text = re.sub(r'<svg\b|\s(width|height|viewBox)="[^"]*"', lambda m: "" if m[1] else opening, text, count=4)
-    rect = Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format
-    targets = [rect(*low, *(high - low), text) for low, high, text in _targets(figure) if np.isfinite(high + low).all()]
-    return Markup(text.replace("</svg>", f'<g class="spots">{"".join(targets)}</g></svg>' if targets else "</svg>"))
+    text = re.sub(
+        r'<svg\b|\s(width|height|viewBox)="[^"]*"', lambda m: "" if m[1] else opening, text, count=4
+    )
+    rect = Markup(
+        '<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>'
+    ).format
+    targets = [
+        rect(*low, *(high - low), text)
+        for low, high, text in _targets(figure)
+        if np.isfinite(high + low).all()
+    ]
+    return Markup(
+        text.replace(
+            "</svg>", f'<g class="spots">{"".join(targets)}</g></svg>' if targets else "</svg>"
+        )
+    )
 
 
 def _targets(figure: Figure) -> Iterator[tuple[Array, Array, str]]:
-    """Yield two corners in points from the upper left one of the figure, and text, of all markers and bars."""
+    """Yield two corners in points from the upper left one of the figure, and text, of all markers
+    and bars.
+    """
     for ax in figure.axes:
-        x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel().replace("\n", " ")
+        x_name = ax.get_xlabel() or figure.axes[-1].get_xlabel()
+        y_name = ax.get_ylabel().replace("\n", " ")
         for line in ax.lines:
-            xy, name = np.asarray(line.get_xydata(), dtype=float), str(line.get_label()).strip()
-            if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MARKERS:
+            xy = np.asarray(line.get_xydata(), dtype=float)
+            name = str(line.get_label()).strip()
+            if (
+                line.get_marker() in ("None", "", None)
+                or line.get_transform() != ax.transData
+                or len(xy) > MARKERS
+            ):
                 continue
             for (x, y), at in zip(xy.tolist(), places_on(ax, xy), strict=True):
                 text = f"{x_name}: {significant(x)}\n{y_name}: {significant(y)}"
                 yield at - TARGET, at + TARGET, text if name.startswith("_") else f"{name}\n{text}"
-        rows = {round(at): name.get_text() for at, name in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)}
+        rows = {
+            round(at): name.get_text()
+            for at, name in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)
+        }
         for bars in ax.containers:
             name = "" if str(bars.get_label()).startswith("_") else f", {bars.get_label()}"
             for bar in getattr(bars, "patches", ()):
@@ -170,7 +235,9 @@ def _targets(figure: Figure) -> Iterator[tuple[Array, Array, str]]:
 
 
 def places_on(ax: Axes, points: Array) -> Array:
-    """Map data points (n, 2) of axes to points from the upper left corner of the figure; nan outside the axes."""
+    """Map data points (n, 2) of axes to points from the upper left corner of the figure; nan
+    outside the axes.
+    """
     figure = ax.get_figure(root=True)
     assert figure is not None
     places = ax.transData.transform(points)

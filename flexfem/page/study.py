@@ -1,4 +1,6 @@
-"""The sections of a page on a study: its settings, counts of its designs, and its figures with their numbers."""
+"""The sections of a page on a study: its settings, counts of its designs, and its figures with
+their numbers.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +24,18 @@ from flexfem.study.plan import limits_text
 DIGITS = 5
 TEN = 10  # designs of a front that are listed at once
 ROWS = 400  # of a table; the JSON of flexfem study plot holds all
-Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and the function that makes the section
+Part: TypeAlias = tuple[
+    str, Callable[[], PageSection]
+]  # a name, and the function that makes the section
 
 
 def study_parts(
-    source: findings.Source, found: dict[str, findings.Record | findings.Refused], status: dict[str, Any]
+    source: findings.Source,
+    found: dict[str, findings.Record | findings.Refused],
+    status: dict[str, Any],
 ) -> list[Part]:
-    """Return the sections of a study in order as functions, since drawing the figures takes a while.
+    """Return the sections of a study in order as functions, since drawing the figures takes a
+    while.
 
     Parameters
     ----------
@@ -41,30 +48,48 @@ def study_parts(
     return [*parts, ("settings of the study", partial(setup_section, source, status))]
 
 
-def _figure_section(name: str, title: str, shown: findings.Record | findings.Refused) -> PageSection:
+def _figure_section(
+    name: str, title: str, shown: findings.Record | findings.Refused
+) -> PageSection:
     if isinstance(shown, findings.Refused):
         return PageSection(name, title, notes([f"This figure is not drawn: {shown.reason}"]))
-    title, numbers = shown.caption.title, shown.table
-    rows = [[cell if isinstance(cell, str) else formatted(cell) for cell in row] for row in numbers.rows[:ROWS]]
-    limit = f", the first {ROWS} of {thousands(len(numbers.rows))}" if len(numbers.rows) > ROWS else ""
+    title = shown.caption.title
+    numbers = shown.table
+    rows = [
+        [cell if isinstance(cell, str) else formatted(cell) for cell in row]
+        for row in numbers.rows[:ROWS]
+    ]
+    limit = (
+        f", the first {ROWS} of {thousands(len(numbers.rows))}" if len(numbers.rows) > ROWS else ""
+    )
     names = sum(isinstance(value, str) for value in numbers.rows[0])
-    head, data = [*numbers.head.values()], Markup("")
+    head = [*numbers.head.values()]
+    data = Markup("")
     if isinstance(shown, findings.ParetoFront) and len(rows) > TEN:
         kept = [rows[k] for k in np.linspace(0, len(rows) - 1, TEN).round().astype(int)]
-        data = table(TextTable(head, kept, names, "Ten designs of the front, from one end to the other"))
+        data = table(
+            TextTable(head, kept, names, "Ten designs of the front, from one end to the other")
+        )
     whole = table(TextTable(head, rows, names, numbers.caption + limit))
     listed = folded("All designs of the front" if data else "Numbers of this figure", whole)
-    return PageSection(name, title, shown_figure(f"{name}-chart", partial(page_of, shown), title) + data + listed)
+    return PageSection(
+        name, title, shown_figure(f"{name}-chart", partial(page_of, shown), title) + data + listed
+    )
 
 
 def formatted(value: float) -> str:
     """Return a number in five digits, "none" if infinite, "" if unknown."""
-    return significant(value, DIGITS) if math.isfinite(value) else "none" if math.isinf(value) else ""
+    return (
+        significant(value, DIGITS) if math.isfinite(value) else "none" if math.isinf(value) else ""
+    )
 
 
 def setup_section(source: findings.Source, status: dict[str, Any]) -> PageSection:
-    """Return the settings of a study and the counts of its designs; `status` is from `studies.study_status`."""
-    loaded, study = source.loaded, source.loaded.study
+    """Return the settings of a study and the counts of its designs; `status` is from
+    `studies.study_status`.
+    """
+    loaded = source.loaded
+    study = source.loaded.study
     counts = {
         "requested": status["designs"],
         "with a result": status["ok"],
@@ -82,10 +107,16 @@ def setup_section(source: findings.Source, status: dict[str, Any]) -> PageSectio
         "accuracy of stresses": loaded.stress_accuracy,
         "hash of the inputs": loaded.hash,
     }
-    reasons = [(text, state, n) for state, numbers in status["reasons"].items() for text, n in numbers.items()]
+    reasons = [
+        (text, state, n)
+        for state, numbers in status["reasons"].items()
+        for text, n in numbers.items()
+    ]
     reasons.sort(key=lambda row: -row[2])
     rows = [[text, state, thousands(n)] for text, state, n in reasons]
-    file = Markup('<pre tabindex="0"><code>{}</code></pre>').format(loaded.path.read_text(encoding="utf-8"))
+    file = Markup('<pre tabindex="0"><code>{}</code></pre>').format(
+        loaded.path.read_text(encoding="utf-8")
+    )
     html = [
         facts(settings.items()),
         notes(status["warnings"]),
@@ -116,11 +147,17 @@ def spread_words(factor: Factor) -> str:
             return ", ".join(f"{value:g}" for value in factor.values or ())
         case "normal":
             limits = limits_text(factor.lower, factor.upper)
-            return f"normal, mean {factor.mean:g}, standard deviation {factor.sd:g}{f', {limits}' if limits else ''}"
+            return (
+                f"normal, mean {factor.mean:g}, standard deviation "
+                f"{factor.sd:g}{f', {limits}' if limits else ''}"
+            )
         case "uniform":
             return f"uniform from {factor.lower:g} to {factor.upper:g}"
     points = f", {factor.points} points" if factor.points else ""
-    return f"from {factor.start:g} to {factor.end:g}{points}{', logarithmic' if factor.scale == 'log' else ''}"
+    return (
+        f"from {factor.start:g} to "
+        f"{factor.end:g}{points}{', logarithmic' if factor.scale == 'log' else ''}"
+    )
 
 
 def output_table(loaded: LoadedStudy) -> Markup:

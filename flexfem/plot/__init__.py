@@ -3,9 +3,8 @@
     figure, ax = plt.subplots()
     flexfem.plot.plot_budget(ax, flexfem.budget(stage), "x")
 
-Every function `plot_...(ax, result, ...)` draws on `ax` alone and returns it; none of them solves anything.
-The functions below are imported on first use.
-"""
+Every function `plot_...(ax, result, ...)` draws on `ax` alone and returns it; none of them solves
+anything. The functions below are imported on first use."""
 
 import os
 from importlib import import_module
@@ -30,19 +29,25 @@ __all__ = sorted(_MODULES)
 
 
 def figures_of(result: Any) -> dict[str, Any]:
-    """Figures of a result by file-name suffix: each a figure, or a function that writes files beside a path."""
+    """Figures of a result by file-name suffix: each a figure, or a function that writes files
+    beside a path.
+    """
     module, _, draw = result.figure.rpartition(".")
     figures = getattr(import_module(f"flexfem.plot.{module}"), draw)(result)
     return figures if isinstance(figures, dict) else {"": figures}
 
 
 def check_backend() -> None:
-    """Raise BadInput when the environment names a backend that matplotlib does not know: it cannot be imported then."""
+    """Raise BadInput when the environment names a backend that matplotlib does not know: it cannot
+    be imported then.
+    """
     try:
         import_module("matplotlib")
     except ValueError:
         backend = printed(os.environ.get("MPLBACKEND"))
-        raise BadInput(f"MPLBACKEND = {backend}, expected a backend of matplotlib, or no such variable") from None
+        raise BadInput(
+            f"MPLBACKEND = {backend}, expected a backend of matplotlib, or no such variable"
+        ) from None
 
 
 def __getattr__(name: str) -> Any:

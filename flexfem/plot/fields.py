@@ -1,4 +1,6 @@
-"""Displacement fields: the stage deformed by a command or by heating, exaggerated, coloured by von Mises stress."""
+"""Displacement fields: the stage deformed by a command or by heating, exaggerated, coloured by von
+Mises stress.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,16 @@ from matplotlib.tri import Triangulation
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.plot.stage import QUARTERS, arrow, boundary_of, draw_boundary, fit
-from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes, panels, titled, wrapped
+from flexfem.plot.style import (
+    INK,
+    NAMES,
+    NOTE_COLOUR,
+    in_house_style,
+    new_axes,
+    panels,
+    titled,
+    wrapped,
+)
 from flexfem.plot.text import round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
@@ -24,71 +35,111 @@ from flexfem.refused import BadInput, printed
 from flexfem.results import ELEMENTS, Fields
 from flexfem.units import DIRECTIONS, MICROMETRE, STRESS, unit_for
 
-VISIBLE = 0.05  # largest drawn displacement over the size of the stage, less where parts would cross
+VISIBLE = (
+    0.05  # largest drawn displacement over the size of the stage, less where parts would cross
+)
 SMALLER = 6  # at most: reductions of a factor
 DECADES = 4  # of stress; lower stresses have the lowest colour
-EQUAL_STRESS = 1e-6  # relative difference of stresses equal by symmetry: above round-off, below mesh noise
+EQUAL_STRESS = (
+    1e-6  # relative difference of stresses equal by symmetry: above round-off, below mesh noise
+)
 ROUND_OFF = 1e-9  # of the largest component of a pose; smaller components are zero by symmetry
 COLOURS = "viridis"
 PANEL = 5.0  # in, width
 RIGID = "#C3C9D0"
-WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # title, divisor of the stress unit, arrow in axes fractions
+WARM: dict[
+    str, tuple[str, str, tuple[float, float]]
+] = {  # title, divisor of the stress unit, arrow in axes fractions
     "uniform": ("1 K everywhere", "K", (0.0, 0.0)),
     "gradient in x": ("1 K/mm along X", "K/mm", (0.1, 0.0)),
     "gradient in y": ("1 K/mm along Y", "K/mm", (0.0, 0.1)),
 }
 
 
-def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values: Array, norm: Normalize) -> None:
-    """Draw a mesh with displaced nodes, coloured by nodal values, and its undeformed outline in grey."""
+def draw_field(
+    ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values: Array, norm: Normalize
+) -> None:
+    """Draw a mesh with displaced nodes, coloured by nodal values, and its undeformed outline in
+    grey.
+    """
     _shade(ax, moved, triangles, values, 2, cmap=COLOURS, norm=norm)
     draw_boundary(ax, nodes, boundary_of(triangles), "#8A8A8A", 0.9, zorder=1)
     draw_boundary(ax, moved, boundary_of(triangles), INK, 0.5)
     ax.set_axis_off()
 
 
-def _shade(ax: Axes, nodes: Array, triangles: AnyArray, values: Array, zorder: float, **colours: Any) -> None:
+def _shade(
+    ax: Axes, nodes: Array, triangles: AnyArray, values: Array, zorder: float, **colours: Any
+) -> None:
     grid = Triangulation(nodes[:, 0], nodes[:, 1], triangles[:, QUARTERS].reshape(-1, 3))
     ax.tripcolor(grid, values, shading="gouraud", rasterized=True, zorder=zorder, **colours)
 
 
 def plot_displacement(
-    ax: Axes | None, fields: Fields | MeshFields, *, factor: float | None = None, norm: LogNorm | None = None
+    ax: Axes | None,
+    fields: Fields | MeshFields,
+    *,
+    factor: float | None = None,
+    norm: LogNorm | None = None,
 ) -> Axes:
-    """Draw a plate displaced by finite elements, coloured by von Mises stress, and its undeformed outline in grey.
+    """Draw a plate displaced by finite elements, coloured by von Mises stress, and its undeformed
+    outline in grey.
 
-    `factor`, `norm` : exaggeration and stress scale; default: chosen for the fields. Returns `ax`, or new axes.
-    """
-    ax, fields = ax or new_axes(), plane_fields(fields) if isinstance(fields, MeshFields) else fields
-    factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
-    moved, triangles = fields.nodes + factor * fields.displacement, fields.triangles
+    `factor`, `norm` : exaggeration and stress scale; default: chosen for the fields. Returns `ax`,
+    or new axes."""
+    ax = ax or new_axes()
+    fields = plane_fields(fields) if isinstance(fields, MeshFields) else fields
+    factor = factor or exaggeration(fields)
+    norm = norm or stress_scale(fields)
+    moved = fields.nodes + factor * fields.displacement
+    triangles = fields.triangles
     elastic = np.any(fields.stress[triangles] > 0, axis=1)
     if not elastic.all():
-        _shade(ax, fields.nodes, triangles[~elastic], 0 * fields.stress, 1, cmap=ListedColormap([RIGID]))
+        _shade(
+            ax,
+            fields.nodes,
+            triangles[~elastic],
+            0 * fields.stress,
+            1,
+            cmap=ListedColormap([RIGID]),
+        )
         draw_boundary(ax, fields.nodes, boundary_of(triangles[~elastic]), INK, 0.5)
-    draw_field(ax, fields.nodes, triangles[elastic], moved, np.clip(fields.stress, norm.vmin, None), norm)
+    draw_field(
+        ax, fields.nodes, triangles[elastic], moved, np.clip(fields.stress, norm.vmin, None), norm
+    )
     fit(ax, np.concatenate([fields.nodes, moved]), 0.03)
     return ax
 
 
 def plane_fields(fields: MeshFields) -> Fields:
     """Return the fields of a figure, in three dimensions as those of a stage."""
-    mesh, made = fields.mesh, fields.made()
-    field, stress = made["displacement"], made["von_mises"]
+    mesh = fields.mesh
+    made = fields.made()
+    field = made["displacement"]
+    stress = made["von_mises"]
     if fields.heights is not None:
-        field, stress = field[:, 0, :2], stress.max(axis=1)
+        field = field[:, 0, :2]
+        stress = stress.max(axis=1)
     return Fields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)
 
 
 def exaggeration(*fields: Fields, signs: tuple[float, ...] = (1.0,)) -> float:
-    """Return a round factor that makes the largest displacement visible, with no part drawn through another.
+    """Return a round factor that makes the largest displacement visible, with no part drawn through
+    another.
 
     signs : of the displacements that are drawn.
     """
-    largest = max(np.linalg.norm(each.displacement, axis=1).max() / np.ptp(each.nodes, axis=0).max() for each in fields)
+    largest = max(
+        np.linalg.norm(each.displacement, axis=1).max() / np.ptp(each.nodes, axis=0).max()
+        for each in fields
+    )
     factor = round_factor(VISIBLE / float(largest)) if largest > 0 else 1.0
     for _ in range(SMALLER):
-        moved = [(each, each.nodes + sign * factor * each.displacement) for each in fields for sign in signs]
+        moved = [
+            (each, each.nodes + sign * factor * each.displacement)
+            for each in fields
+            for sign in signs
+        ]
         outlines = [at[boundary_of(each.triangles)[:, [0, 2, 1]]] for each, at in moved]
         if all(shapely.is_simple(shapely.MultiLineString(list(outline))) for outline in outlines):
             break
@@ -130,12 +181,26 @@ def displaced(
 
     Returns figure, panels and exaggeration.
     """
-    factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
-    everywhere = [at for each in fields.values() for at in (each.nodes, each.nodes + factor * each.displacement)]
+    factor = exaggeration(*fields.values())
+    norm = stress_scale(*fields.values())
+    rows = -(-len(fields) // columns)
+    everywhere = [
+        at
+        for each in fields.values()
+        for at in (each.nodes, each.nodes + factor * each.displacement)
+    ]
     wide, high = np.ptp(np.concatenate(everywhere), axis=0)
-    size = (columns * width + 0.3, rows * (float(np.clip(high / wide, 0.3, 1.2)) * width + 0.6) + 0.8)
-    key = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
-    figure, axes = panels(size, title, [lines[0] + key, *lines[1:]], rows, columns, assumptions, len(fields))
+    size = (
+        columns * width + 0.3,
+        rows * (float(np.clip(high / wide, 0.3, 1.2)) * width + 0.6) + 0.8,
+    )
+    key = (
+        f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic "
+        "scale."
+    )
+    figure, axes = panels(
+        size, title, [lines[0] + key, *lines[1:]], rows, columns, assumptions, len(fields)
+    )
     for ax, (label, field) in zip(axes, fields.items(), strict=True):
         ax.set_title(wrapped(label, width - 0.3, 11), size=11)
         plot_displacement(ax, field, factor=factor, norm=norm)
@@ -146,8 +211,11 @@ def displaced(
 
 @in_house_style
 def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figure:
-    """Draw the deformed stage of every curve at full command, with von Mises stress and its largest value."""
-    models, command = result.models, unit_for(result.direction, result.commanded[-1])
+    """Draw the deformed stage of every curve at full command, with von Mises stress and its largest
+    value.
+    """
+    models = result.models
+    command = unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
     title = f"Stress in the displaced stage, {NAMES[result.direction]} = {value} {command}"
     solid = "Three dimensions: the mid-plane, with the highest stress through the thickness."
@@ -157,17 +225,27 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
     drawn = {label: fields[label] for label in result.curves}
     figure, axes, factor = displaced(title, lines, drawn, columns, result)
     for ax, (label, field) in zip(axes, drawn.items(), strict=True):
-        moved, (node, hinge) = field.nodes + factor * field.displacement, largest_stress(models[label], field)
+        moved = field.nodes + factor * field.displacement
+        node, hinge = largest_stress(models[label], field)
         text = f"largest {significant(float(field.stress[node]), 3)} {STRESS} near {hinge}"
         ax.text(0.5, -0.03, text, transform=ax.transAxes, ha="center", va="center", size=9.5)
         outwards = 0.12 * np.ptp(moved) * moved[node] / np.linalg.norm(moved[node])
         arrow(ax, moved[node] + outwards, moved[node], colour=NOTE_COLOUR, width=1.6, shrinkB=4.0)
-        ax.plot(*moved[node], "o", markersize=6, markerfacecolor="none", markeredgecolor=NOTE_COLOUR, zorder=6)
+        ax.plot(
+            *moved[node],
+            "o",
+            markersize=6,
+            markerfacecolor="none",
+            markeredgecolor=NOTE_COLOUR,
+            zorder=6,
+        )
     return figure
 
 
 def largest_stress(model: CurveModels, fields: Fields) -> tuple[int, str]:
-    """Node of the largest stress and the hinge nearest to it; of equal stresses, the one at the first hinge."""
+    """Node of the largest stress and the hinge nearest to it; of equal stresses, the one at the
+    first hinge.
+    """
     nodes = np.flatnonzero(fields.stress >= fields.stress.max() * (1 - EQUAL_STRESS))
     centres = np.array([hinge.centre for hinge in model.hinges])
     nearest = np.linalg.norm(fields.nodes[nodes, None] - centres, axis=2).argmin(axis=1)
@@ -179,25 +257,37 @@ def largest_stress(model: CurveModels, fields: Fields) -> tuple[int, str]:
 @in_house_style
 def drift_figure(found: Drift) -> Figure:
     """Draw the three cases, each with its own exaggeration and stress scale."""
-    about, fields, settings = found.about, _warm(found).cases, found.settings
-    expansion = f"{settings['expansion']}, of the frame {settings['frame']}".replace("um/", f"{MICROMETRE}/")
+    about = found.about
+    fields = _warm(found).cases
+    settings = found.settings
+    expansion = f"{settings['expansion']}, of the frame {settings['frame']}".replace(
+        "um/", f"{MICROMETRE}/"
+    )
     lines = [
-        f"Plane finite elements. Expansion of the stage {expansion}. Gradients are zero at the platform centre. Grey: "
-        "at rest. Heavy lines: clamped edges, which move with the frame."
+        f"Plane finite elements. Expansion of the stage {expansion}. Gradients are zero at the "
+        "platform centre. Grey: at rest. Heavy lines: clamped edges, which move with the frame."
     ]
-    figure, axes = panels((12.0, 5.0), f"{about.name}: displacement and stress by heating", lines, 1, 3, about)
+    figure, axes = panels(
+        (12.0, 5.0), f"{about.name}: displacement and stress by heating", lines, 1, 3, about
+    )
     factors = {name: exaggeration(each) for name, each in fields.items()}
-    everywhere = np.concatenate([each.nodes + factors[name] * each.displacement for name, each in fields.items()])
+    everywhere = np.concatenate(
+        [each.nodes + factors[name] * each.displacement for name, each in fields.items()]
+    )
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
         fit(plot_drift(ax, found, name), everywhere, 0.03)
-        pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))
+        pose, stress = (
+            found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress")
+        )
         title, per, _ = WARM[name]
         titled(ax, letter, f"{title}, displacements × {significant(factors[name], 1)}")
         label = (
             f"von Mises stress ({STRESS} per {per})\n\nplatform: {_pose(pose, about.lever)}\n"
             f"necks: up to {significant(float(np.max(stress)), 3)} {STRESS}"
         )
-        draw_scale(figure, ax, stress_scale(fields[name]), label, aspect=30, shrink=0.9, extend="min")
+        draw_scale(
+            figure, ax, stress_scale(fields[name]), label, aspect=30, shrink=0.9, extend="min"
+        )
     return figure
 
 
@@ -209,7 +299,8 @@ def _warm(found: Drift) -> WarmFields:
 
 
 def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
-    """Draw a stage displaced by 1 K or 1 K/mm, coloured by von Mises stress; return `ax`, or new axes.
+    """Draw a stage displaced by 1 K or 1 K/mm, coloured by von Mises stress; return `ax`, or new
+    axes.
 
     Raises BadInput for an unknown case, or a result without finite elements.
     """
@@ -224,16 +315,23 @@ def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
     x, y = WARM[case][2]
     if x or y:
         look = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", (0.02 + x, 0.86 + y), (0.02, 0.86), xycoords="axes fraction", arrowprops=look)
+        ax.annotate(
+            "", (0.02 + x, 0.86 + y), (0.02, 0.86), xycoords="axes fraction", arrowprops=look
+        )
         ax.text(0.04 + x, 0.86 + y / 2, "warmer", transform=ax.transAxes, va="center", size=8.5)
     return ax
 
 
 def _pose(pose: Array, lever: float) -> str:
     """Format a pose with unit prefixes and zeros in place of round-off."""
-    sizes, cells = np.abs(pose) * [1.0, 1.0, lever], []
+    sizes = np.abs(pose) * [1.0, 1.0, lever]
+    cells = []
     for axis, value, size in zip(DIRECTIONS, pose, sizes, strict=True):
         unit = unit_for(axis, abs(value))
-        shown = f"{significant(unit.factor * value)} {unit}" if size > ROUND_OFF * np.max(sizes) else "0"
+        shown = (
+            f"{significant(unit.factor * value)} {unit}"
+            if size > ROUND_OFF * np.max(sizes)
+            else "0"
+        )
         cells.append(f"{NAMES[axis]} {shown}")
     return ", ".join(cells)

@@ -25,37 +25,61 @@ from flexfem.plot.write import write_each
 from flexfem.results import SPACE, thousands
 from flexfem.study import findings
 
-WIDTH, LABEL_WIDTH = 8.27, 4.4  # in, of a page and of the label of an axis
-FIRST_COLOUR, BAR_COLOUR, TOTAL_COLOUR, HATCH_COLOUR = "#0072B2", "#A9C4DE", "#F0C48A", "#A8A8A8"
-VECTOR_DOTS, MOST_DOTS = 5000, 100_000  # most dots drawn as vectors; most drawn, else a random sample
+WIDTH = 8.27
+LABEL_WIDTH = 4.4  # in, of a page and of the label of an axis
+FIRST_COLOUR = "#0072B2"
+BAR_COLOUR = "#A9C4DE"
+TOTAL_COLOUR = "#F0C48A"
+HATCH_COLOUR = "#A8A8A8"
+VECTOR_DOTS = 5000
+MOST_DOTS = 100_000  # most dots drawn as vectors; most drawn, else a random sample
 HATCHES = ("////", "xxxx", "....", "||||", "----")
 CONTOURS = 8  # approximate number
 BARS = (10, 60)  # fewest and most in a histogram
-DIGITS, NO_INTERVAL = 5, "too few designs for an interval"  # of a percentile
+DIGITS = 5
+NO_INTERVAL = "too few designs for an interval"  # of a percentile
 ROUND_OFF = 1e-12  # of the largest value
 MOST_FACTORS = 6  # in the table of a front
 LETTERS = "ABCDEFGHIJKL"
-PLUS: dict[str, Any] = {"color": NOTE_COLOUR, "marker": "+", "markersize": 13, "markeredgewidth": 2.2}
+PLUS: dict[str, Any] = {
+    "color": NOTE_COLOUR,
+    "marker": "+",
+    "markersize": 13,
+    "markeredgewidth": 2.2,
+}
 
 
-def write_study_figures(found: Mapping[str, findings.Record | findings.Refused], folder: Path) -> list[Path]:
-    """Draw every figure of a study file that is not refused as PNG and PDF, under its name in a folder.
+def write_study_figures(
+    found: Mapping[str, findings.Record | findings.Refused], folder: Path
+) -> list[Path]:
+    """Draw every figure of a study file that is not refused as PNG and PDF, under its name in a
+    folder.
 
     Returns the paths written. Raises BadInput when a file cannot be written.
     """
-    records = {name: record for name, record in found.items() if not isinstance(record, findings.Refused)}
-    return write_each({folder / f"{name}.png": partial(page_of, record) for name, record in records.items()})
+    records = {
+        name: record for name, record in found.items() if not isinstance(record, findings.Refused)
+    }
+    return write_each(
+        {folder / f"{name}.png": partial(page_of, record) for name, record in records.items()}
+    )
 
 
 def page_of(record: findings.Record) -> Figure:
     """Draw the page of one record."""
-    kinds: dict[type, Callable[[Any], Figure]] = {findings.StudyMap: map_figure, findings.ParetoFront: pareto_figure}
+    kinds: dict[type, Callable[[Any], Figure]] = {
+        findings.StudyMap: map_figure,
+        findings.ParetoFront: pareto_figure,
+    }
     kinds |= {findings.Sensitivity: sensitivity_figure, findings.Distribution: distribution_figure}
     return kinds[type(record)](record)
 
 
 def name_axes(
-    axes: Axes, x: findings.AxisText, y: findings.AxisText | None = None, better: Sequence[str] = ("", "")
+    axes: Axes,
+    x: findings.AxisText,
+    y: findings.AxisText | None = None,
+    better: Sequence[str] = ("", ""),
 ) -> None:
     """Set scales, labels and ticks of axes that hold all their data."""
     both = (axes.xaxis, axes.set_xscale), (axes.yaxis, axes.set_yscale)
@@ -75,35 +99,47 @@ def name_axes(
 @in_house_style
 def map_figure(shown: findings.StudyMap) -> Figure:
     """Draw a map on a page."""
-    plot, caption = partial(plot_map, shown=shown), shown.caption
+    plot = partial(plot_map, shown=shown)
+    caption = shown.caption
     return style.page((WIDTH, 6.0), caption.title, caption.lines, plot, caption)
 
 
 def plot_map(ax: Axes, shown: findings.StudyMap) -> Axes:
-    """Draw a value as colours over two factors: cells with labelled contours for a grid, else a dot per design.
+    """Draw a value as colours over two factors: cells with labelled contours for a grid, else a dot
+    per design.
 
-    Returns `ax`, which holds the colour bar as an inset. Only the contours are interpolated. Values of both signs have
-    two hues, and the contours of negative values are dashed.
-    """
+    Returns `ax`, which holds the colour bar as an inset. Only the contours are interpolated. Values
+    of both signs have two hues, and the contours of negative values are dashed."""
     norm = norm_of(shown.cells.values)
-    colours: dict[str, Any] = {"norm": norm, "cmap": "PuOr_r" if isinstance(norm, CenteredNorm) else "viridis"}
+    colours: dict[str, Any] = {
+        "norm": norm,
+        "cmap": "PuOr_r" if isinstance(norm, CenteredNorm) else "viridis",
+    }
     entries = (_draw_grid if shown.cells.grid else _draw_dots)(ax, shown, colours)
     name_axes(ax, shown.x, shown.y)
     ends = ax.get_xlim(), ax.get_ylim()
-    if shown.base is not None and all(low <= at <= high for at, (low, high) in zip(shown.base, ends, strict=True)):
+    if shown.base is not None and all(
+        low <= at <= high for at, (low, high) in zip(shown.base, ends, strict=True)
+    ):
         ax.plot(*shown.base, "+", color="white", markersize=15, markeredgewidth=4.5, zorder=5)
         ax.plot(*shown.base, linestyle="none", zorder=6, **PLUS)
         entries.append(Line2D([], [], linestyle="none", label="base design", **PLUS))
     if np.isfinite(shown.cells.values).any():
         _draw_bar(ax.inset_axes((1.035, 0.0, 0.04, 1.0)), ax.collections[0], shown)
     if entries:
-        place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "borderaxespad": 4.6}
+        place: dict[str, Any] = {
+            "loc": "upper left",
+            "bbox_to_anchor": (0.0, 0.0),
+            "borderaxespad": 4.6,
+        }
         ax.legend(handles=entries, **place, frameon=False, ncols=3, handlelength=2.4)
     return ax
 
 
 def norm_of(values: Array) -> Normalize:
-    """Colour scale of values: symmetric about zero for both signs, logarithmic for a wide range, else linear."""
+    """Colour scale of values: symmetric about zero for both signs, logarithmic for a wide range,
+    else linear.
+    """
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     if low < 0 < high:
@@ -126,7 +162,8 @@ def edges(ticks: Array, log: bool) -> Array:
 def _draw_grid(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) -> list[Any]:
     """Draw a map as cells; return entries of the legend."""
     (xs, column), (ys, row) = (np.unique(v, return_inverse=True) for v in shown.cells.points.T)
-    x_edges, y_edges = edges(xs, shown.x.log), edges(ys, shown.y.log)
+    x_edges = edges(xs, shown.x.log)
+    y_edges = edges(ys, shown.y.log)
     values = np.full((len(ys), len(xs)), np.nan)
     values[row, column] = shown.cells.values
     masked = np.ma.masked_invalid(values)
@@ -136,7 +173,12 @@ def _draw_grid(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) ->
         corners = ((0, 0), (1, 0), (1, 1), (0, 1))
         places = list(zip(column[mask], row[mask], strict=True))
         boxes = [[(x_edges[i + a], y_edges[j + b]) for a, b in corners] for i, j in places]
-        look: dict[str, Any] = {"facecolor": "white", "edgecolor": HATCH_COLOUR, "linewidth": 0.0, "hatch": hatch}
+        look: dict[str, Any] = {
+            "facecolor": "white",
+            "edgecolor": HATCH_COLOUR,
+            "linewidth": 0.0,
+            "hatch": hatch,
+        }
         axes.add_collection(PolyCollection(boxes, **look, zorder=1.5), autolim=False)
         entries.append(Patch(**look, label=f"{reason}: {thousands(len(boxes))}"))
     if min(values.shape) > 1 and masked.count() > 3:
@@ -147,30 +189,54 @@ def _draw_grid(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) ->
 def _draw_dots(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) -> list[Any]:
     """Draw a map as one dot per design; return entries of the legend."""
     points, values, missing, *_ = shown.cells
-    known, many = np.isfinite(values), len(values) > VECTOR_DOTS
+    known = np.isfinite(values)
+    many = len(values) > VECTOR_DOTS
     size = float(np.clip(4e4 / max(len(values), 1), 1.5, 30.0))
     look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": True, "zorder": 2}
     axes.scatter(points[known, 0], points[known, 1], c=values[known], **look, **colours)
     entries = []
     for mark, (reason, mask) in zip("x+123", missing.items(), strict=False):
-        axes.plot(*points[mask].T, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
+        axes.plot(
+            *points[mask].T,
+            mark,
+            color=GREY,
+            markersize=3.5,
+            markeredgewidth=0.6,
+            rasterized=many,
+            zorder=1,
+        )
         label = f"{reason}: {thousands(int(mask.sum()))}"
         entries.append(Line2D([], [], color=GREY, linestyle="none", marker=mark, label=label))
     return entries
 
 
 def _draw_contours(
-    axes: Axes, grid: tuple[Array, Array, Any], norm: Normalize, shown: findings.StudyMap, entries: list[Any]
+    axes: Axes,
+    grid: tuple[Array, Array, Any],
+    norm: Normalize,
+    shown: findings.StudyMap,
+    entries: list[Any],
 ) -> None:
     """Draw labelled contours of values on a grid (x, y, masked values), those at the marks heavier."""
-    low, high, unit = float(grid[2].min()), float(grid[2].max()), shown.value.after if shown.value.unit == "%" else ""
+    low = float(grid[2].min())
+    high = float(grid[2].max())
+    unit = shown.value.after if shown.value.unit == "%" else ""
     heavy = [mark for mark in sorted(shown.marks) if low < mark < high]
     thin = [level for level in levels(norm, shown.marks) if low < level < high]
     for where, width in ((thin, 0.7), (heavy, 2.2)):
         if where:
             lines = axes.contour(*grid, levels=where, colors=INK, linewidths=width, zorder=3)
-            for label in axes.clabel(lines, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit):
-                label.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
+            for label in axes.clabel(
+                lines, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit
+            ):
+                label.set_bbox(
+                    {
+                        "boxstyle": "round,pad=0.12",
+                        "facecolor": "white",
+                        "edgecolor": "none",
+                        "alpha": 0.8,
+                    }
+                )
     if heavy:
         marks = minus(", ".join(f"{mark:g}{unit}" for mark in heavy))
         entries.append(Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {marks}"))
@@ -178,14 +244,18 @@ def _draw_contours(
 
 def levels(norm: Normalize, marks: Sequence[float]) -> Array:
     """Round values for thin contours within the colour scale, without the marks."""
-    locator = LogLocator(subs=(1.0, 2.0, 5.0)) if isinstance(norm, LogNorm) else MaxNLocator(CONTOURS)
+    locator = (
+        LogLocator(subs=(1.0, 2.0, 5.0)) if isinstance(norm, LogNorm) else MaxNLocator(CONTOURS)
+    )
     assert norm.vmin is not None and norm.vmax is not None
     return np.setdiff1d(np.asarray(locator.tick_values(norm.vmin, norm.vmax)), marks)
 
 
 def _draw_bar(axes: Axes, mappable: Any, shown: findings.StudyMap) -> None:
     """Draw the colour bar with the marks."""
-    axes.figure.colorbar(mappable, cax=axes).set_label(style.wrapped(shown.value.label, LABEL_WIDTH, 9.5))
+    axes.figure.colorbar(mappable, cax=axes).set_label(
+        style.wrapped(shown.value.label, LABEL_WIDTH, 9.5)
+    )
     low, high = axes.get_ylim()
     if isinstance(mappable.norm, LogNorm):
         style.log_ticks(axes.yaxis, (low, high))
@@ -200,27 +270,51 @@ def _draw_bar(axes: Axes, mappable: Any, shown: findings.StudyMap) -> None:
 @in_house_style
 def pareto_figure(shown: findings.ParetoFront) -> Figure:
     """Draw the Pareto front and, below it to one scale, the chosen designs."""
-    columns = [quantity for quantity, _ in shown.chosen[0].numbers[: 2 + MOST_FACTORS]] if shown.chosen else []
-    numbers = [[significant(value, 3) for _, value in design.numbers[: len(columns)]] for design in shown.chosen]
+    columns = (
+        [quantity for quantity, _ in shown.chosen[0].numbers[: 2 + MOST_FACTORS]]
+        if shown.chosen
+        else []
+    )
+    numbers = [
+        [significant(value, 3) for _, value in design.numbers[: len(columns)]]
+        for design in shown.chosen
+    ]
     rows = [["design", *(quantity.label for quantity in columns)]]
     rows += [[letter, *row] for letter, row in zip(LETTERS, numbers, strict=False)]
-    return front_page(shown.caption, partial(plot_front, shown=shown), [one.stage for one in shown.chosen], rows)
+    return front_page(
+        shown.caption, partial(plot_front, shown=shown), [one.stage for one in shown.chosen], rows
+    )
 
 
 def plot_front(ax: Axes, shown: findings.ParetoFront) -> Axes:
-    """Draw every design as a dot, the Pareto front as a line, and the letters of the chosen designs; return `ax`."""
-    dots, n = shown.points, len(shown.points)
+    """Draw every design as a dot, the Pareto front as a line, and the letters of the chosen
+    designs; return `ax`.
+    """
+    dots = shown.points
+    n = len(shown.points)
     if n > MOST_DOTS:
         dots = dots[np.random.default_rng(0).choice(n, MOST_DOTS, replace=False, shuffle=False)]
-    count = f"{thousands(n)} designs" if n <= MOST_DOTS else f"{thousands(MOST_DOTS)} of {thousands(n)} designs"
-    size, alpha = (1.6 if n > VECTOR_DOTS else 2.8), float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
+    count = (
+        f"{thousands(n)} designs"
+        if n <= MOST_DOTS
+        else f"{thousands(MOST_DOTS)} of {thousands(n)} designs"
+    )
+    size = 1.6 if n > VECTOR_DOTS else 2.8
+    alpha = float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
     look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0, "color": GREY, "marker": "o"}
     ax.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=n > VECTOR_DOTS, zorder=1)
     if len(shown.undrawable):
         name = f"{thousands(len(shown.undrawable))} off the front cannot be drawn"
-        ax.plot(*shown.points[shown.undrawable].T, "x", color=GREY, markersize=4, label=name, zorder=2)
+        ax.plot(
+            *shown.points[shown.undrawable].T, "x", color=GREY, markersize=4, label=name, zorder=2
+        )
     name = f"front: {thousands(len(shown.front))} non-dominated designs"
-    line: dict[str, Any] = {"drawstyle": "steps-post", "color": FIRST_COLOUR, "markersize": 3.0, "linewidth": 1.2}
+    line: dict[str, Any] = {
+        "drawstyle": "steps-post",
+        "color": FIRST_COLOUR,
+        "markersize": 3.0,
+        "linewidth": 1.2,
+    }
     ax.plot(*shown.points[shown.front].T, "o-", **line, label=name, zorder=3)
     for letter, design in zip(LETTERS, shown.chosen, strict=False):
         style.ring(ax, shown.points[design.place], letter)
@@ -231,7 +325,9 @@ def plot_front(ax: Axes, shown: findings.ParetoFront) -> Axes:
     ax.plot([], [], **look, markersize=4, label=count)
     for text in shown.left_out:
         ax.plot([], [], linestyle="none", label=text)
-    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), borderaxespad=0.0, ncols=2, frameon=False)
+    ax.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.01), borderaxespad=0.0, ncols=2, frameon=False
+    )
     return ax
 
 
@@ -240,9 +336,14 @@ def plot_front(ax: Axes, shown: findings.ParetoFront) -> Axes:
 
 @in_house_style
 def distribution_figure(shown: findings.Distribution) -> Figure:
-    """Draw a histogram for every value, with its percentiles, their confidence intervals and the nominal value."""
-    count, caption = len(shown.scatters), shown.caption
-    figure, axes = panels((WIDTH, 1.97 * count), caption.title, caption.lines, count, assumptions=caption)
+    """Draw a histogram for every value, with its percentiles, their confidence intervals and the
+    nominal value.
+    """
+    count = len(shown.scatters)
+    caption = shown.caption
+    figure, axes = panels(
+        (WIDTH, 1.97 * count), caption.title, caption.lines, count, assumptions=caption
+    )
     for ax, scatter in zip(axes, shown.scatters, strict=True):
         plot_histogram(ax, scatter)
     figure.align_ylabels()
@@ -260,14 +361,28 @@ def plot_histogram(ax: Axes, scatter: findings.Scatter) -> Axes:
     entries = list[Any]()
     for dash, percentile in zip(("dashed", "solid", "dashed"), scatter.percentiles, strict=True):
         if np.isfinite([percentile.low, percentile.high]).all():
-            ax.axvspan(percentile.low, percentile.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5)
-        entries.append(ax.axvline(percentile.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3))
+            ax.axvspan(
+                percentile.low, percentile.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5
+            )
+        entries.append(
+            ax.axvline(percentile.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3)
+        )
         entries[-1].set_label(_percentile_text(percentile, quantity.after))
     if scatter.nominal is not None:
-        entries.append(ax.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle="dotted", zorder=4))
-        entries[-1].set_label(f"base design: {significant(scatter.nominal, DIGITS)}{quantity.after}")
+        entries.append(
+            ax.axvline(
+                scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle="dotted", zorder=4
+            )
+        )
+        entries[-1].set_label(
+            f"base design: {significant(scatter.nominal, DIGITS)}{quantity.after}"
+        )
     style.legend_beside(ax, handles=entries, fontsize=8.5, handlelength=2.6, labelspacing=0.6)
-    ax.set(ylabel="designs", ylim=(0, 1.06 * max(float(counts.max()), 1.0)), xlim=(borders[0], borders[-1]))
+    ax.set(
+        ylabel="designs",
+        ylim=(0, 1.06 * max(float(counts.max()), 1.0)),
+        xlim=(borders[0], borders[-1]),
+    )
     name_axes(ax, quantity)
     if not quantity.log:
         ax.ticklabel_format(useOffset=False, axis="x")
@@ -285,9 +400,15 @@ def histogram(values: Array) -> tuple[Array, Array]:
 
 def _percentile_text(percentile: findings.Percentile, after: str) -> str:
     """Format a percentile with its confidence interval."""
-    low, high = (significant(end, DIGITS) if np.isfinite(end) else "" for end in (percentile.low, percentile.high))
+    low, high = (
+        significant(end, DIGITS) if np.isfinite(end) else ""
+        for end in (percentile.low, percentile.high)
+    )
     interval = f"{low}{SPACE}to{SPACE}{high}" if low and high else NO_INTERVAL
-    return f"{percentile.percent:g}{SPACE}%: {significant(percentile.value, DIGITS)}{after}\n({interval})"
+    return (
+        f"{percentile.percent:g}{SPACE}%: {significant(percentile.value, DIGITS)}{after}\n"
+        f"({interval})"
+    )
 
 
 # sensitivities
@@ -295,11 +416,15 @@ def _percentile_text(percentile: findings.Percentile, after: str) -> str:
 
 @in_house_style
 def sensitivity_figure(shown: findings.Sensitivity) -> Figure:
-    """Draw first-order and total Sobol indices of every factor, in the order of the study file, one panel per value."""
-    shares, factors = shown.shares, shown.factors
+    """Draw first-order and total Sobol indices of every factor, in the order of the study file, one
+    panel per value.
+    """
+    shares = shown.shares
+    factors = shown.factors
     columns = 2 if len(shares) == 4 else min(3, len(shares))
     rows = -(-len(shares) // columns)
-    size, caption = (WIDTH, 0.35 + rows * (0.3 * len(factors) + 1.1)), shown.caption
+    size = (WIDTH, 0.35 + rows * (0.3 * len(factors) + 1.1))
+    caption = shown.caption
     figure, axes = panels(size, caption.title, caption.lines, rows, columns, caption, len(shares))
     for index, (ax, share) in enumerate(zip(axes, shares, strict=True)):
         plot_shares(ax, share, factors)
@@ -319,7 +444,15 @@ def plot_shares(ax: Axes, share: findings.Share, factors: Sequence[str]) -> Axes
     if share.total is not None and share.total_band is not None:
         bars.append((0.19, share.total, share.total_band, TOTAL_COLOUR, "total: with interactions"))
     for shift, values, band, colour, name in bars:
-        ax.barh(rows + shift * (len(bars) - 1), values, 0.36, xerr=band, color=colour, label=name, **look)
+        ax.barh(
+            rows + shift * (len(bars) - 1),
+            values,
+            0.36,
+            xerr=band,
+            color=colour,
+            label=name,
+            **look,
+        )
     style.name_rows(ax, factors, 3.0)
     ax.set_xlabel(f"share of the variance\n(sum of first order: {share.first.sum():.2f})")
     ax.set_title(share.quantity.name, loc="left")

@@ -1,4 +1,6 @@
-"""House style of all figures, independent of the user's matplotlibrc: colours, headers, panels, legends, rendering."""
+"""House style of all figures, independent of the user's matplotlibrc: colours, headers, panels,
+legends, rendering.
+"""
 
 from __future__ import annotations
 
@@ -42,24 +44,54 @@ STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "flexfem",
 }
-NOTE_COLOUR, INK, GREY, PALE = "#B00000", "#1A1A1A", "#707070", "#E4E8EC"
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#9B4F96", "#000000", "#56B4E9", "#E69F00", "#7F7F7F")  # Okabe and Ito
+NOTE_COLOUR = "#B00000"
+INK = "#1A1A1A"
+GREY = "#707070"
+PALE = "#E4E8EC"
+COLOURS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#9B4F96",
+    "#000000",
+    "#56B4E9",
+    "#E69F00",
+    "#7F7F7F",
+)  # Okabe and Ito
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h")
-DASHES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot", (0, (3, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (2, 2)))
+DASHES: tuple[Any, ...] = (
+    "solid",
+    "dashed",
+    "dotted",
+    "dashdot",
+    (0, (3, 1, 1, 1, 1, 1)),
+    (0, (8, 2)),
+    (0, (2, 2)),
+)
 HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
 NAMES: dict[Direction, str] = {"x": "X", "y": "Y", "theta": "\N{GREEK SMALL LETTER THETA}"}
 LETTER = {"normal": 0.51, "bold": 0.58}  # mean width of a letter over the font size
 TABLE_SIZE = 8.0  # points
 MARGIN = 0.3  # in, left and right of the header
-RESOLUTION = {"png": 150, "pdf": 200, "svg": 120}  # dots per inch; in vector files of rasterised meshes
-DATES = {"png": "Software", "pdf": "CreationDate", "svg": "Date"}  # omitted: equal figures give equal files
+RESOLUTION = {
+    "png": 150,
+    "pdf": 200,
+    "svg": 120,
+}  # dots per inch; in vector files of rasterised meshes
+DATES = {
+    "png": "Software",
+    "pdf": "CreationDate",
+    "svg": "Date",
+}  # omitted: equal figures give equal files
 MISSING = r"Glyph (\d+) .*missing"  # of matplotlib: a box is drawn instead
 _HEADER: ContextVar[list[str] | None] = ContextVar("header", default=None)
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Apply matplotlib's defaults and STYLE within the context, and restore the user's settings afterwards."""
+    """Apply matplotlib's defaults and STYLE within the context, and restore the user's settings
+    afterwards.
+    """
     with mpl.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=MISSING)  # `rendered` says it once
         mpl.rcdefaults()
@@ -72,7 +104,9 @@ in_house_style = house_style()  # decorator of functions that draw a figure
 
 @contextmanager
 def headless() -> Iterator[list[str]]:
-    """Draw figures without headers within the context; the yielded list holds the header lines of the last figure."""
+    """Draw figures without headers within the context; the yielded list holds the header lines of
+    the last figure.
+    """
     lines: list[str] = []
     token = _HEADER.set(lines)
     try:
@@ -112,24 +146,34 @@ def drawn_box(figure: Figure) -> Array:
 
 def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str:
     """Return a text broken into lines of about `width` inches at a font size in points."""
-    return textwrap.fill(text, max(int(72 * width / (LETTER[weight] * size)), 4), break_on_hyphens=False)
+    return textwrap.fill(
+        text, max(int(72 * width / (LETTER[weight] * size)), 4), break_on_hyphens=False
+    )
 
 
 def _width(text: str, size: float, weight: str) -> float:
     """Width, in, of a text on one line."""
     figure = Figure()
-    return float(figure.text(0, 0, text, size=size, weight=weight).get_window_extent().width / figure.dpi)
+    return float(
+        figure.text(0, 0, text, size=size, weight=weight).get_window_extent().width / figure.dpi
+    )
 
 
-def below_header(size: tuple[float, float], title: str, lines: Sequence[str], assumptions: Any = None) -> Figure:
+def below_header(
+    size: tuple[float, float], title: str, lines: Sequence[str], assumptions: Any = None
+) -> Figure:
     """Return a figure with a header and, below it, an area of `size` inches for constrained layout.
 
-    The header has a title, lines, and a note on the keys `assumed` and `not_stated`, two attributes of `assumptions`.
-    """
-    (width, height), note = size, assumption_note(assumptions.assumed, assumptions.not_stated) if assumptions else ""
-    texts, offsets, header = list[tuple[str, float, str, str]](), [0.0], _HEADER.get()
+    The header has a title, lines, and a note on the keys `assumed` and `not_stated`, two attributes
+    of `assumptions`."""
+    width, height = size
+    note = assumption_note(assumptions.assumed, assumptions.not_stated) if assumptions else ""
+    texts = list[tuple[str, float, str, str]]()
+    offsets = [0.0]
+    header = _HEADER.get()
     if header is not None:
-        header[:], note = lines, ""
+        header[:] = lines
+        note = ""
     else:
         room = width - 2 * MARGIN
         title_room = room - (LETTER["bold"] * 11 / 72 * len(note) + 0.4 if note else 0.0)
@@ -141,13 +185,28 @@ def below_header(size: tuple[float, float], title: str, lines: Sequence[str], as
     total = height + offsets[-1]
     figure = Figure(figsize=(width, total))
     for (text, points, weight, colour), offset in zip(texts, offsets, strict=False):
-        style: dict[str, Any] = {"size": points, "weight": weight, "color": colour, "va": "top", "linespacing": 1.25}
+        style: dict[str, Any] = {
+            "size": points,
+            "weight": weight,
+            "color": colour,
+            "va": "top",
+            "linespacing": 1.25,
+        }
         figure.text(MARGIN / width, 1 - offset / total, text, **style)
     if note:
-        box = {"boxstyle": "round,pad=0.35", "facecolor": "#FFF3E0", "edgecolor": NOTE_COLOUR, "linewidth": 1.2}
+        box = {
+            "boxstyle": "round,pad=0.35",
+            "facecolor": "#FFF3E0",
+            "edgecolor": NOTE_COLOUR,
+            "linewidth": 1.2,
+        }
         at = (1 - (MARGIN + 0.08) / width, 1 - 0.25 / total)
-        figure.text(*at, note, size=11, weight="bold", color=NOTE_COLOUR, ha="right", va="top", bbox=box)
-    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, height / total), w_pad=0.18, h_pad=0.1)
+        figure.text(
+            *at, note, size=11, weight="bold", color=NOTE_COLOUR, ha="right", va="top", bbox=box
+        )
+    figure.set_layout_engine(
+        "constrained", rect=(0.0, 0.0, 1.0, height / total), w_pad=0.18, h_pad=0.1
+    )
     return figure
 
 
@@ -161,7 +220,9 @@ def panels(
     count: int | None = None,
     **grid: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a header and, row by row, the first `count` panels (default: all) of a grid below it."""
+    """Return a figure with a header and, row by row, the first `count` panels (default: all) of a
+    grid below it.
+    """
     figure = below_header(size, title, lines, assumptions)
     axes = list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
     for spare in axes[count:] if count is not None else ():
@@ -170,11 +231,18 @@ def panels(
 
 
 def page(
-    size: tuple[float, float], title: str, lines: Sequence[str], plot: Callable[[Axes], object], assumptions: Any
+    size: tuple[float, float],
+    title: str,
+    lines: Sequence[str],
+    plot: Callable[[Axes], object],
+    assumptions: Any,
 ) -> Figure:
-    """Return a figure with a header and one panel, which `plot` draws when the size of the panel is known."""
+    """Return a figure with a header and one panel, which `plot` draws when the size of the panel is
+    known.
+    """
     figure, (ax,) = panels(size, title, lines, 1, assumptions=assumptions)
-    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
+    # determines the size of the axes, which the placement of labels needs
+    figure.draw_without_rendering()
     plot(ax)
     return figure
 
@@ -193,16 +261,24 @@ def new_axes() -> Axes:
 
 def legend_beside(axes: Axes, **look: Any) -> None:
     """Place a legend without a frame to the right of the axes."""
-    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, frameon=False, **look)
+    axes.legend(
+        loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, frameon=False, **look
+    )
 
 
 def handles_of(axes: Sequence[Axes]) -> dict[str, Any]:
     """Handles of the legend of panels by label, each label once."""
-    return {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    return {
+        label: handle
+        for ax in axes
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
 
 
 def legend_below(figure: Figure, axes: Sequence[Axes], columns: int, **look: Any) -> None:
-    """Place one legend below the panels, each label once, in at most `columns` columns that fit the page."""
+    """Place one legend below the panels, each label once, in at most `columns` columns that fit the
+    page.
+    """
     handles = handles_of(axes)
     look |= {"loc": "outside lower center", "frameon": False}
     for count in range(columns, 0, -1):
@@ -212,17 +288,26 @@ def legend_below(figure: Figure, axes: Sequence[Axes], columns: int, **look: Any
         legend.remove()
 
 
-def fitted(rows: Sequence[Sequence[str]], widths: Sequence[float]) -> tuple[list[list[str]], list[float]]:
-    """Texts of a table, its head first, wrapped to columns of some widths, and the heights of its rows; all in in."""
+def fitted(
+    rows: Sequence[Sequence[str]], widths: Sequence[float]
+) -> tuple[list[list[str]], list[float]]:
+    """Texts of a table, its head first, wrapped to columns of some widths, and the heights of its
+    rows; all in in.
+    """
     made = [
-        [wrapped(text, width - 0.12, TABLE_SIZE, weight) for text, width in zip(row, widths, strict=True)]
+        [
+            wrapped(text, width - 0.12, TABLE_SIZE, weight)
+            for text, width in zip(row, widths, strict=True)
+        ]
         for row, weight in zip(rows, ["bold", *["normal"] * (len(rows) - 1)], strict=True)
     ]
     return made, [0.14 * max(text.count("\n") + 1 for text in row) + 0.08 for row in made]
 
 
 def table(axes: Axes, rows: Sequence[Sequence[str]], widths: Sequence[float]) -> Axes:
-    """Write a table, its head first, that fills a panel, with columns in proportion to some widths; return `axes`."""
+    """Write a table, its head first, that fills a panel, with columns in proportion to some widths;
+    return `axes`.
+    """
     axes.set_axis_off()
     texts, heights = fitted(rows, widths)
     shares = [width / sum(widths) for width in widths]
@@ -236,7 +321,9 @@ def table(axes: Axes, rows: Sequence[Sequence[str]], widths: Sequence[float]) ->
 
 
 def name_rows(axes: Axes, names: Sequence[str], width: float, size: float = 8.5) -> None:
-    """Label rows of bars, the first on top, with names wrapped to `width` inches, and draw a line at zero."""
+    """Label rows of bars, the first on top, with names wrapped to `width` inches, and draw a line
+    at zero.
+    """
     axes.set_yticks(range(len(names)), [wrapped(name, width, size) for name in names], size=size)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.axvline(0.0, color=GREY, linewidth=0.9, zorder=4)
@@ -252,12 +339,24 @@ def share_x(axes: Sequence[Axes]) -> None:
 
 def ring(axes: Axes, at: Any, text: str, colour: str = INK) -> None:
     """Mark a point by a letter or number in a circle."""
-    axes.plot(*at, "o", color="white", markeredgecolor=colour, markeredgewidth=1.1, markersize=12.5, zorder=4)
-    axes.annotate(text, (at[0], at[1]), ha="center", va="center_baseline", size=8.5, weight="bold", zorder=5)
+    axes.plot(
+        *at,
+        "o",
+        color="white",
+        markeredgecolor=colour,
+        markeredgewidth=1.1,
+        markersize=12.5,
+        zorder=4,
+    )
+    axes.annotate(
+        text, (at[0], at[1]), ha="center", va="center_baseline", size=8.5, weight="bold", zorder=5
+    )
 
 
 def log_ticks(axis: Axis, ends: Sequence[float]) -> None:
-    """Set plain-number ticks at powers of ten, and at multiples of these where the range `ends` spans few decades."""
+    """Set plain-number ticks at powers of ten, and at multiples of these where the range `ends`
+    spans few decades.
+    """
     decades = np.log10(ends[1] / ends[0])
     subs = range(1, 10) if decades < 1.0 else (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
     axis.set_major_locator(LogLocator(subs=subs))

@@ -1,4 +1,6 @@
-"""Files of figures, and the text page of stored verifications; the same results give the same bytes."""
+"""Files of figures, and the text page of stored verifications; the same results give the same
+bytes.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +34,16 @@ PAGE = "verification.md"
 
 
 def write_figures(
-    results: list[Stored], folder: Path, displacement: bool = False, designs: Sequence[tuple[str, Designed]] = ()
+    results: list[Stored],
+    folder: Path,
+    displacement: bool = False,
+    designs: Sequence[tuple[str, Designed]] = (),
 ) -> list[Path]:
     """Draw every figure of stored verifications, and of designs by name, as PNG and PDF.
 
-    A page of text on the verifications is written beside them. `displacement` : show displacements in the commanded
-    direction instead of errors. Raises BadInput when a file cannot be written to the folder.
-    """
+    A page of text on the verifications is written beside them. `displacement` : show displacements
+    in the commanded direction instead of errors. Raises BadInput when a file cannot be written to
+    the folder."""
     figures = plans(results, displacement, designs)
     require_unread(folder / PAGE)
     paths = write_each({folder / f"{name}.json": draw for name, draw in figures.items()})
@@ -51,27 +56,37 @@ def write_figures(
 
 def write_design_figures(found: Designed, stored: Path) -> list[Path]:
     """Draw the figures of a design beside its record. Raises BadInput as `write_each` does."""
-    return write_each({stored.with_name(f"{name}.json"): draw for name, draw in _of_design(stored.stem, found)})
+    return write_each(
+        {stored.with_name(f"{name}.json"): draw for name, draw in _of_design(stored.stem, found)}
+    )
 
 
 def write_each(figures: Mapping[Path, Draw]) -> list[Path]:
-    """Draw figures and write each beside its stored numbers. Raises BadInput when a file cannot be written."""
+    """Draw figures and write each beside its stored numbers. Raises BadInput when a file cannot be
+    written.
+    """
     require_unread(*(path.with_suffix(f".{form}") for path in figures for form in FORMS))
     return [path for stored, draw in figures.items() for path in write_beside(stored, draw())]
 
 
 def write_beside(stored: Path, figure: Figure) -> list[Path]:
-    """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when a file cannot be written."""
+    """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when a file cannot
+    be written.
+    """
     return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
 
 
 def write_picture(path: Path, figure: Figure) -> Path:
-    """Write a figure in the format of the extension, one of `PICTURES`. Raises BadInput when it cannot be written."""
+    """Write a figure in the format of the extension, one of `PICTURES`. Raises BadInput when it
+    cannot be written.
+    """
     return _written(path, rendered(figure, path.suffix[1:]))
 
 
 def write_of_result(found: Any, stored: Path) -> list[Path]:
-    """Draw the figures of a result beside its stored numbers. Raises BadInput when a file cannot be written."""
+    """Draw the figures of a result beside its stored numbers. Raises BadInput when a file cannot be
+    written.
+    """
     written = list[Path]()
     for ending, figure in figures_of(found).items():
         target = stored.with_name(f"{stored.stem}{ending}{stored.suffix}")
@@ -82,11 +97,15 @@ def write_of_result(found: Any, stored: Path) -> list[Path]:
 def plans(
     results: list[Stored], displacement: bool = False, designs: Sequence[tuple[str, Designed]] = ()
 ) -> dict[str, Draw]:
-    """Functions that draw the figures, each stage once, by file names that differ even when case is ignored."""
+    """Functions that draw the figures, each stage once, by file names that differ even when case is
+    ignored.
+    """
     figures: dict[str, Draw] = {}
     of_designs = [figure for name, found in designs for figure in _of_design(name, found)]
     for stem, draw in [*_of_cases(results, displacement), *_of_stages(results), *of_designs]:
-        name, count, used = stem, 1, {other.casefold() for other in figures}
+        name = stem
+        count = 1
+        used = {other.casefold() for other in figures}
         while name.casefold() in used:
             count += 1
             name = f"{stem}-{count}"
@@ -105,16 +124,22 @@ def _of_design(name: str, found: Designed) -> Iterator[tuple[str, Draw]]:
 def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, Draw]]:
     for result, fields in results:
         stem = _file_name(result.case)
-        yield f"{stem}-displacement" if displacement else stem, partial(error_figure, result, displacement)
+        yield (
+            f"{stem}-displacement" if displacement else stem,
+            partial(error_figure, result, displacement),
+        )
         yield f"{stem}-deformed", partial(deformed_figure, result, fields)
 
 
 def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Draw]]:
-    """Yield mesh, necks and hinge of every distinct stage, and its model at every distinct mobility."""
+    """Yield mesh, necks and hinge of every distinct stage, and its model at every distinct
+    mobility.
+    """
     seen = set()
     for result, fields in results:
         for label, model in result.models.items():
-            stem, freedoms = _file_name(Path(model.file).stem), str([hinge.freedoms for hinge in model.hinges])
+            stem = _file_name(Path(model.file).stem)
+            freedoms = str([hinge.freedoms for hinge in model.hinges])
             if model.hash not in seen:
                 yield f"stage-{stem}", partial(stage_figure, model, fields[label])
                 yield f"neck-{stem}", partial(neck_figure, model, fields[label])

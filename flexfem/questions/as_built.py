@@ -37,16 +37,24 @@ from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLID, SOLVED, Progress, Quantity, Result
 from flexfem.units import MICROMETRE
 
-DRAWS, LEAST_DRAWS, SEED = 4000, 400, 2003
+DRAWS = 4000
+LEAST_DRAWS = 400
+SEED = 2003
 WORK = 5e8  # draws of a mechanism times the third power of its hinges, at most: a minute
 QUANTILES = (0.025, 0.975)
-OF_LIMITS = 2.67  # standard error of these quantiles times the root of the draws: sqrt(p (1 - p)) / normal density
-PLAUSIBLE = (0.5, 2.0)  # measured neck / drawn neck; outside this range the unit or the hinge is probably wrong
+# standard error of these quantiles times the root of the draws: sqrt(p (1 - p)) / normal density
+OF_LIMITS = 2.67
+PLAUSIBLE = (
+    0.5,
+    2.0,
+)  # measured neck / drawn neck; outside this range the unit or the hinge is probably wrong
 LARGEST_DEVIATION = 0.2  # standard deviation / neck
 IN_MEMORY = 2**21  # numbers of the matrices of networks that are solved together
 OTHERS = ("held", "free")  # the other directions of a stiffness along one
 ALONG = ("others", "direction")
-Refusal: TypeAlias = Callable[[tuple[str | int, ...], str], BadInput]  # of the keys of a value, with a text
+Refusal: TypeAlias = Callable[
+    [tuple[str | int, ...], str], BadInput
+]  # of the keys of a value, with a text
 HingePlace: TypeAlias = tuple[int | None, str]  # chain, none in a mechanism, and name of the hinge
 
 
@@ -56,11 +64,14 @@ class MeasuredNeck(Table):
     chain: int | None = Field(default=None, ge=1, le=3, examples=[2])
     """Chain of a hinge of the nine-hinge stage; a hinge of a mechanism has none"""
     hinge: Label = Field(examples=["elbow"])
-    """Hinge of this chain: base, elbow or platform; or a hinge of a mechanism, by its name in `flexfem check`"""
+    """Hinge of this chain: base, elbow or platform; or a hinge of a mechanism, by its name in
+    `flexfem check`
+    """
     neck: Neck = Field(alias="neck_um", examples=[512.0])
     """Measured neck thickness; must be between half and twice the drawn one"""
     sd: NeckDeviation = Field(default=0.0, alias="sd_um", examples=[3.0])
-    """Standard deviation of the measurement, for all necks or for none; at most a fifth of the neck"""
+    """Standard deviation of the measurement, for all necks or for none; at most a fifth of the neck
+    """
 
     @property
     def place(self) -> HingePlace:
@@ -74,7 +85,9 @@ class Necks(Sourced):
     kind: ClassVar[str] = "necks file"
 
     neck: tuple[MeasuredNeck, ...] = Field(min_length=1)
-    """A measured neck; one entry for each of the nine hinges of a stage, or for any hinges of a mechanism"""
+    """A measured neck; one entry for each of the nine hinges of a stage, or for any hinges of a
+    mechanism
+    """
 
     @model_validator(mode="after")
     def _every_hinge_once(self) -> Necks:
@@ -82,30 +95,46 @@ class Necks(Sourced):
         for index, hinge in enumerate(hinges):
             if hinge in hinges[:index]:
                 raise refusals.refusal("each hinge once", "neck", index)
-        without = [index for index, entry in enumerate(self.neck) if "sd" not in entry.model_fields_set]
+        without = [
+            index for index, entry in enumerate(self.neck) if "sd" not in entry.model_fields_set
+        ]
         if 0 < len(without) < len(self.neck):  # a missing deviation is not a deviation of zero
             raise refusals.refusal("sd_um of all necks or of none", "neck", without[0])
         return self
 
     def over(self, drawn: Mapping[HingePlace, float]) -> tuple[Array, Array]:
-        """Return necks and standard deviations (hinges,), mm; an unlisted hinge has the drawn neck, and deviation 0."""
+        """Return necks and standard deviations (hinges,), mm; an unlisted hinge has the drawn neck,
+        and deviation 0.
+        """
         listed = {entry.place: (entry.neck, entry.sd) for entry in self.neck}
         neck, sd = np.transpose([listed.get(place, (value, 0.0)) for place, value in drawn.items()])
         return neck, sd
 
 
 class AsBuilt(Result):
-    """Stiffness of a plate with its measured necks, and its scatter due to the measurement uncertainty."""
+    """Stiffness of a plate with its measured necks, and its scatter due to the measurement
+    uncertainty.
+    """
 
     title = "stage as built"
     main = ("deviation", {"others": "free"})
     labels: ClassVar = {"others": OTHERS}
     columns = ("component",)
     reading: ClassVar[tuple[str, ...]] = (
-        "others: the other two directions, held at zero, or free, as they are where one force moves the output",
+        "others: the other two directions, held at zero, or free, as they are where one force "
+        "moves the output",
     )
-    stiffness = Quantity("stiffness as built", "stiffness matrix", ("direction", "component"), EXACT, "matrix")
-    drawn = Quantity("stiffness as drawn", "stiffness matrix", ("direction", "component"), EXACT, "matrix", shown=False)
+    stiffness = Quantity(
+        "stiffness as built", "stiffness matrix", ("direction", "component"), EXACT, "matrix"
+    )
+    drawn = Quantity(
+        "stiffness as drawn",
+        "stiffness matrix",
+        ("direction", "component"),
+        EXACT,
+        "matrix",
+        shown=False,
+    )
     along = Quantity("stiffness as built", "stiffness", ALONG)
     deviation = Quantity("deviation from the drawing", "percent", ALONG)
     spread = Quantity("standard deviation", "stiffness", ALONG, SOLVED)
@@ -123,13 +152,15 @@ class MechanismAsBuilt(AsBuilt, mechanism=True):
 
 
 def read_necks(path: str | os.PathLike[str], drawn: Mapping[HingePlace, float]) -> Necks:
-    """Read measured necks: CSV with columns chain, of a stage, hinge, neck_um and, if known, sd_um; or TOML, [[neck]].
+    """Read measured necks: CSV with columns chain, of a stage, hinge, neck_um and, if known, sd_um;
+    or TOML, [[neck]].
 
     drawn : necks of all hinges, mm; a stage needs a measured neck of each.
 
-    Raises BadInput with file and line, also for a neck that is not between half and twice the drawn one.
-    """
-    path, chained = refusals.checked_path(path), any(chain is not None for chain, _ in drawn)
+    Raises BadInput with file and line, also for a neck that is not between half and twice the drawn
+    one."""
+    path = refusals.checked_path(path)
+    chained = any(chain is not None for chain, _ in drawn)
     refused: Refusal = partial(bad_key, path)
     if path.suffix.lower() == ".toml":
         necks = validate(Necks, path)
@@ -139,36 +170,59 @@ def read_necks(path: str | os.PathLike[str], drawn: Mapping[HingePlace, float]) 
         for key, problem in _problems(entry, drawn, chained):
             raise refused(("neck", k), f"{refusals.key_path(('neck', k, key), necks)}{problem}")
     places = {entry.place for entry in necks.neck}
-    if chained and (missing := [f"{name} of chain {chain}" for chain, name in drawn if (chain, name) not in places]):
+    if chained and (
+        missing := [
+            f"{name} of chain {chain}" for chain, name in drawn if (chain, name) not in places
+        ]
+    ):
         verb = "is" if len(missing) == 1 else "are"
         raise refused(("neck",), f"neck: expected nine hinges: {', '.join(missing)} {verb} missing")
     return necks
 
 
-def _problems(entry: MeasuredNeck, drawn: Mapping[HingePlace, float], chained: bool) -> Iterator[tuple[str, str]]:
+def _problems(
+    entry: MeasuredNeck, drawn: Mapping[HingePlace, float], chained: bool
+) -> Iterator[tuple[str, str]]:
     """Yield the keys of a measured neck that do not suit the drawn hinges, and what is expected."""
     if chained != (entry.chain is not None):
         found = "" if entry.chain is None else f" = {entry.chain}"
-        yield "chain", f"{found}, expected 1, 2 or 3 for a hinge of a stage, none for one of a mechanism"
+        yield (
+            "chain",
+            f"{found}, expected 1, 2 or 3 for a hinge of a stage, none for one of a mechanism",
+        )
     if entry.place not in drawn:
         names = dict.fromkeys(name for _, name in drawn)
         listed = refusals.one_line(", ".join(names), refusals.SHOWN)
         close = refusals.suggestion(entry.hinge, names) or f", one of {listed}"
         yield "hinge", f" = {refusals.shown(entry.hinge)}, expected the name of a hinge{close}"
     low, high = (MICROMETRE.factor * ratio * drawn[entry.place] for ratio in PLAUSIBLE)
-    neck, sd = MICROMETRE.factor * entry.neck, MICROMETRE.factor * entry.sd
+    neck = MICROMETRE.factor * entry.neck
+    sd = MICROMETRE.factor * entry.sd
     if not low <= neck <= high:
-        yield "neck_um", f" = {neck:g}, expected {low:g} to {high:g}, half to twice the drawn neck: is the unit right?"
+        yield (
+            "neck_um",
+            f" = {neck:g}, expected {low:g} to {high:g}, half to twice the drawn neck: is the "
+            "unit right?",
+        )
     if sd > LARGEST_DEVIATION * neck:
         yield "sd_um", f" = {sd:g}, expected at most {LARGEST_DEVIATION:g} of the neck"
 
 
 def _read_csv(path: Path, chained: bool) -> tuple[Necks, Refusal]:
-    """Return the necks of a CSV file, with the column of the chain if `chained`, and a function that refuses a row."""
-    chain, hinge, neck, sd = (field.alias or name for name, field in MeasuredNeck.model_fields.items())
+    """Return the necks of a CSV file, with the column of the chain if `chained`, and a function
+    that refuses a row.
+    """
+    chain, hinge, neck, sd = (
+        field.alias or name for name, field in MeasuredNeck.model_fields.items()
+    )
     rows = read_csv(path, (chain, hinge, neck)[not chained :], (sd,))
     cells = [{key: cell for key, cell in row.items() if cell} for row in rows.values()]
-    data = {"neck": [{key: cell if key == hinge else _number(cell) for key, cell in row.items()} for row in cells]}
+    data = {
+        "neck": [
+            {key: cell if key == hinge else _number(cell) for key, cell in row.items()}
+            for row in cells
+        ]
+    }
 
     def refused(at: tuple[str | int, ...], text: str) -> BadInput:
         line = next((list(rows)[part] for part in at if isinstance(part, int)), None)
@@ -178,7 +232,11 @@ def _read_csv(path: Path, chained: bool) -> tuple[Necks, Refusal]:
         return Necks.model_validate(data), refused
     except ValidationError as error:
         first = refusals.problems_of(error, data)[0]
-    text = f"{first.path[-1]} is missing" if first.kind == "missing" else refusals.sentence(first, Necks, data)
+    text = (
+        f"{first.path[-1]} is missing"
+        if first.kind == "missing"
+        else refusals.sentence(first, Necks, data)
+    )
     raise refused(first.path, text)
 
 
@@ -202,18 +260,27 @@ def _answer(
     notes: Sequence[str] = (),
     **texts: Any,
 ) -> AsBuilt:
-    """Return the result from necks and deviations (hinges,), and from the stiffness (3, 3) as drawn and as made.
+    """Return the result from necks and deviations (hinges,), and from the stiffness (3, 3) as drawn
+    and as made.
 
     redrawn : stiffness (draws, 3, 3) with necks thicker by (draws, hinges), mm.
     in_depth : stiffness in three dimensions, which the scatter follows in proportion; or empty.
     """
     neck, sd = necks
     by_hinge = (3, 3) if isinstance(plate, Stage) else (len(neck),)
-    values = {"necks": neck.reshape(by_hinge), "sd": sd.reshape(by_hinge), **stiffness, **in_depth.values}
+    values = {
+        "necks": neck.reshape(by_hinge),
+        "sd": sd.reshape(by_hinge),
+        **stiffness,
+        **in_depth.values,
+    }
     made = _along(values["stiffness"])
     values["along"] = made
     values["deviation"] = 100 * (made / _along(values["drawn"]) - 1)
-    texts["notes"] = [*notes, *["no standard deviation is given: the scatter is not known"] * (not np.any(sd))]
+    texts["notes"] = [
+        *notes,
+        *["no standard deviation is given: the scatter is not known"] * (not np.any(sd)),
+    ]
     if np.any(sd):
         count = int(np.clip(WORK / len(neck) ** 3, LEAST_DRAWS, DRAWS))
         scatter = sd * np.random.default_rng(SEED).normal(size=(count, len(neck)))
@@ -223,26 +290,40 @@ def _answer(
         draws = _along(solved) * (made / _along(stiffness["stiffness"]))
         low, high = np.quantile(draws, QUANTILES, axis=0)
         left_out = count - len(draws)
-        values |= {"spread": np.std(draws, axis=0, ddof=1), "low": low, "high": high, "unanswered": left_out}
+        values |= {
+            "spread": np.std(draws, axis=0, ddof=1),
+            "low": low,
+            "high": high,
+            "unanswered": left_out,
+        }
         texts["notes"] += [
-            f"standard deviation of each neck at most {MICROMETRE.factor * np.max(sd):.3g} um; {count} draws: the "
-            f"standard error of the standard deviation is {100 / np.sqrt(2 * len(draws)):.2g} % of it, that of each "
-            f"limit {100 * OF_LIMITS / np.sqrt(len(draws)):.2g} % of it",
+            f"standard deviation of each neck at most {MICROMETRE.factor * np.max(sd):.3g} um; "
+            f"{count} draws: the standard error of the standard deviation is "
+            f"{100 / np.sqrt(2 * len(draws)):.2g} % of it, that of each limit "
+            f"{100 * OF_LIMITS / np.sqrt(len(draws)):.2g} % of it",
             *[f"{left_out} draws have no solution and are excluded"] * (left_out > 0),
         ]
-    axes = {} if isinstance(plate, Stage) else {"hinge": [joint.name for joint in plate.layout.joints]}
-    kind, subject = setup.kind_of(AsBuilt, plate), setup.about(plate, files={"necks": measured})
+    axes = (
+        {} if isinstance(plate, Stage) else {"hinge": [joint.name for joint in plate.layout.joints]}
+    )
+    kind = setup.kind_of(AsBuilt, plate)
+    subject = setup.about(plate, files={"necks": measured})
     settings = {"analytic model": model, **setup.meshed(mesh)}
     return kind(subject, values, dict(in_depth.bands), axes, settings, **texts)
 
 
 def _along(stiffness: Array) -> Array:
     """Return the stiffness (..., 2 others held or free, 3) along every direction."""
-    return np.stack([np.diagonal(stiffness, axis1=-2, axis2=-1), free_stiffness(stiffness)], axis=-2)
+    return np.stack(
+        [np.diagonal(stiffness, axis1=-2, axis2=-1), free_stiffness(stiffness)], axis=-2
+    )
 
 
 def _in_depth(
-    plate: Stage | Mechanism, mesh: Mesh | None, pair: tuple[Stage | Layout, Stage | Layout], progress: Progress | None
+    plate: Stage | Mechanism,
+    mesh: Mesh | None,
+    pair: tuple[Stage | Layout, Stage | Layout],
+    progress: Progress | None,
 ) -> ModelAnswer:
     """Return the stiffness as drawn and as made in three dimensions; nothing without a mesh."""
     mesh_once = cache(mesh_layout)
@@ -258,13 +339,19 @@ def _in_depth(
         return {"drawn": drawn, "stiffness": made}
 
     whole = isinstance(plate, Stage)
-    return plates.by_elements(mesh, solve, progress, whole=whole)[SOLID] if mesh else ModelAnswer({})
+    return (
+        plates.by_elements(mesh, solve, progress, whole=whole)[SOLID] if mesh else ModelAnswer({})
+    )
 
 
-def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress: Progress | None) -> AsBuilt:
+def _of_mechanism(
+    mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress: Progress | None
+) -> AsBuilt:
     setup.require_hinges(mechanism, "whose necks are measured", "a mechanism with hinges")
     layout = mechanism.layout
-    drawn: dict[HingePlace, float] = {(None, joint.name): joint.profile.neck for joint in layout.joints}
+    drawn: dict[HingePlace, float] = {
+        (None, joint.name): joint.profile.neck for joint in layout.joints
+    }
     measured = read_necks(necks, drawn)
     neck, sd = measured.over(drawn)
     made = _with_necks(mechanism, neck)
@@ -289,12 +376,18 @@ def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress
     unlisted = len(drawn) - len(measured.neck)
     notes = [
         ELASTIC_READ,
-        "a hinge with a thicker neck is thicker by the same amount over its whole length; for the scatter, its "
-        "compliance changes like its beam integrals",
-        *[f"{unlisted} of {len(drawn)} hinges are not listed: they have the drawn neck, without deviation"]
+        "a hinge with a thicker neck is thicker by the same amount over its whole length; for "
+        "the scatter, its compliance changes like its beam integrals",
+        *[
+            f"{unlisted} of {len(drawn)} hinges are not listed: they have the drawn neck, without "
+            "deviation"
+        ]
         * (unlisted > 0),
     ]
-    stiffness = {"drawn": _stiffness(layout, plates.parts_of(mechanism)), "stiffness": _stiffness(made, parts)}
+    stiffness = {
+        "drawn": _stiffness(layout, plates.parts_of(mechanism)),
+        "stiffness": _stiffness(made, parts),
+    }
     deep = _in_depth(mechanism, mesh, (layout, made), progress)
     return _answer(mechanism, ELASTIC, measured, (neck, sd), stiffness, redrawn, mesh, deep, notes)
 
@@ -306,7 +399,8 @@ def _stiffness(layout: Layout, parts: ElasticParts) -> Array:
 
 def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
     """Return the layout with necks (hinges,), mm. Raises BadInput if its parts do not fit together."""
-    layout, joints = mechanism.layout, list[Joint]()
+    layout = mechanism.layout
+    joints = list[Joint]()
     for joint, neck in zip(layout.joints, necks.tolist(), strict=True):
         profile = joint.profile.with_neck(neck)
         joints.append(joint._replace(profile=profile, cut=max(joint.cut, profile.least_cut)))
@@ -326,20 +420,23 @@ def as_built(
     thickness_resolution: int | None = None,
     progress: Progress | None = None,
 ) -> AsBuilt:
-    """Stiffness of a stage or mechanism with its measured necks, and its scatter due to the measurement uncertainty.
+    """Stiffness of a stage or mechanism with its measured necks, and its scatter due to the
+    measurement uncertainty.
 
     Parameters
     ----------
     necks : path
-        CSV file with columns chain, only for a stage, hinge, neck_um and, if known, sd_um; or TOML with these in
-        [[neck]]. A stage needs all nine necks; an unlisted hinge of a mechanism has the drawn neck.
+        CSV file with columns chain, only for a stage, hinge, neck_um and, if known, sd_um; or TOML
+        with these in [[neck]]. A stage needs all nine necks; an unlisted hinge of a mechanism has
+        the drawn neck.
     {shared}
     """
     layers = setup.elements_through(solid, thickness_resolution)
     mesh = None if layers is None else setup.mesh_of(stage, "both", None, layers)
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, necks, mesh, progress)
-    warnings, hinges = list[str](), list(product(CHAINS, HINGE_NAMES))
+    warnings = list[str]()
+    hinges = list(product(CHAINS, HINGE_NAMES))
     drawn: dict[HingePlace, float] = {hinge: stage.hinge(*hinge).neck for hinge in hinges}
     measured = read_necks(necks, drawn)
     chosen = analytic.chosen(stage, warnings)
@@ -356,4 +453,6 @@ def as_built(
     warnings += warning.of_result(made, model)
     stiffness = {"drawn": as_drawn.stiffness, "stiffness": model.stiffness}
     deep = _in_depth(stage, mesh, (chosen.stage, made), progress)
-    return _answer(stage, model.name, measured, (neck, sd), stiffness, redrawn, mesh, deep, warnings=warnings)
+    return _answer(
+        stage, model.name, measured, (neck, sd), stiffness, redrawn, mesh, deep, warnings=warnings
+    )

@@ -1,4 +1,6 @@
-"""Multiples of a stated load at which a plate buckles, by beams and by finite elements, in the plane and out of it."""
+"""Multiples of a stated load at which a plate buckles, by beams and by finite elements, in the
+plane and out of it.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,9 @@ from flexfem.units import DIRECTIONS
 
 MOST = 20  # factors
 AT_REST = (
-    "the load factor multiplies the whole load; displacements before buckling are neglected, as by Euler: a mechanism "
-    "that moves far under the load, or that bends more and more, has its limit in `large`"
+    "the load factor multiplies the whole load; displacements before buckling are neglected, as "
+    "by Euler: a mechanism that moves far under the load, or that bends more and more, has its "
+    "limit in `large`"
 )
 BEAMS_ONLY = "the analytic model has rigid bodies and hinges as beams"
 
@@ -42,7 +45,9 @@ class Buckling(Result):
     factor = Quantity("load factor of buckling", "", ("factor", "model"), COARSER)
     factor_out_of_plane = Quantity("load factor of buckling out of the plane", "", gate=COARSER)
     load = Quantity("stated loads", "wrench", ("point", "direction"))
-    critical = Quantity("loads at which it buckles first", "wrench", ("point", "direction"), COARSER, "wrench")
+    critical = Quantity(
+        "loads at which it buckles first", "wrench", ("point", "direction"), COARSER, "wrench"
+    )
 
 
 @setup.options(only_for="plane")
@@ -67,8 +72,8 @@ def buckling(
     force : tuple of float, optional
         Load on the output: N, N, N mm.
     force_at : mapping of str to tuple of float, or sequence of str, optional
-        Loads at points by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M, repeated. Two opposite
-        loads at two points are a pair between their bodies.
+        Loads at points by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M,
+        repeated. Two opposite loads at two points are a pair between their bodies.
     hold : sequence of str, optional
         Directions of the output that are held at zero: x, y or theta, repeated.
     count : int
@@ -87,7 +92,9 @@ def buckling(
     stated = required_load(layout, force, force_at)
     count = arguments.integer("count", count, MOST)
     held = held_ports(hold)
-    mesh = plates.mesh_of(stage, models, resolution, setup.elements_through(solid, thickness_resolution))
+    mesh = plates.mesh_of(
+        stage, models, resolution, setup.elements_through(solid, thickness_resolution)
+    )
     shapes = list[MeshFields]()
 
     def of_beams(hinges: Array | None) -> Array:
@@ -122,12 +129,19 @@ def buckling(
         bands["critical"] = last.bands["factor"][0] * np.abs(stated.at_points)
     warnings = list[str]()
     if np.isnan(first):
-        text = "no buckling in the plane under a positive multiple of this load before strains are large"
+        text = (
+            "no buckling in the plane under a positive multiple of this load before strains are "
+            "large"
+        )
         warnings.append(text)
     if mesh is not None and stage.model == "three_dimensional":
-        values["factor_out_of_plane"], bands["factor_out_of_plane"] = _out_of_plane(stage, stated.on_ports, held)
+        values["factor_out_of_plane"], bands["factor_out_of_plane"] = _out_of_plane(
+            stage, stated.on_ports, held
+        )
         if values["factor_out_of_plane"] < np.nan_to_num(first, nan=np.inf):
-            warnings.append("it buckles first out of the plane: `factor_out_of_plane` is the lowest load factor")
+            warnings.append(
+                "it buckles first out of the plane: `factor_out_of_plane` is the lowest load factor"
+            )
     settings = {"output held in": ", ".join(DIRECTIONS[port] for port in held) or None}
     axes = {
         "factor": [str(number + 1) for number in range(count)],
@@ -135,13 +149,24 @@ def buckling(
     }
     fields = shapes[-1] if shapes else None
     return setup.answer(
-        Buckling, stage, found, mesh, settings, values, axes, bands=bands, warnings=warnings, fields=fields
+        Buckling,
+        stage,
+        found,
+        mesh,
+        settings,
+        values,
+        axes,
+        bands=bands,
+        warnings=warnings,
+        fields=fields,
     )
 
 
 def _factorised(stage: Stage | Mechanism, resolution: int, layers: int) -> PlateModel:
     """Factorise the finite elements of a plate, of a stage as of any other mechanism."""
-    return plate_model(stage.layout, mesh_layout(stage.layout, resolution), plates.layers_of(stage, layers))
+    return plate_model(
+        stage.layout, mesh_layout(stage.layout, resolution), plates.layers_of(stage, layers)
+    )
 
 
 def _all_of(factors: Array, count: int) -> Array:
@@ -157,13 +182,20 @@ def _fields(model: PlateModel, shapes: Array) -> MeshFields:
 
     def made() -> dict[str, Array]:
         fields = structure.fields(shapes)
-        return {f"factor {number}": field / np.abs(field).max() for number, field in enumerate(fields, start=1)}
+        return {
+            f"factor {number}": field / np.abs(field).max()
+            for number, field in enumerate(fields, start=1)
+        }
 
     return MeshFields(structure.mesh, made, structure.layers.heights if structure.layers else None)
 
 
-def _out_of_plane(stage: Stage | Mechanism, load: Array, held: tuple[int, ...]) -> tuple[float, float]:
-    """Return the least load factor out of the plane, in which the held directions do not take part, and its band."""
+def _out_of_plane(
+    stage: Stage | Mechanism, load: Array, held: tuple[int, ...]
+) -> tuple[float, float]:
+    """Return the least load factor out of the plane, in which the held directions do not take part,
+    and its band.
+    """
     mesh = mesh_layout(stage.layout, LIFTED_RESOLUTION)
     found = list[float]()
     for number in LIFTED_LAYERS:

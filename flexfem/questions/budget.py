@@ -1,8 +1,8 @@
 """Error budget: the error of the paper's model, split into named shares that add up to it.
 
-A sequence of models leads from the paper's model to the finite elements, each with one refinement more. A share is the
-change of the error from one model to the next, so the sum of the shares is the total error.
-"""
+A sequence of models leads from the paper's model to the finite elements, each with one refinement
+more. A share is the change of the error from one model to the next, so the sum of the shares is the
+total error."""
 
 from __future__ import annotations
 
@@ -34,14 +34,25 @@ from flexfem.questions.bands import (
     solve_solid,
 )
 from flexfem.questions.plates import ElasticParts
-from flexfem.questions.setup import about, answer, lever_of, on_meshes, options, require_hinges, solved
+from flexfem.questions.setup import (
+    about,
+    answer,
+    lever_of,
+    on_meshes,
+    options,
+    require_hinges,
+    solved,
+)
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 AMPLITUDES = (0.05, 0.05, 1e-3)  # mm, mm, rad: assumed, as in cases/
 LARGEST_AMPLITUDE = (10.0, 10.0, 1.0)  # mm, mm, rad
-SOLID = (4, 3)  # resolution and layers: the effect of three dimensions hardly depends on the in-plane mesh
+SOLID = (
+    4,
+    3,
+)  # resolution and layers: the effect of three dimensions hardly depends on the in-plane mesh
 SHARES = (
     "omitted hinge freedoms",
     "hinge formula",
@@ -50,8 +61,11 @@ SHARES = (
     "large displacement",
 )
 TOTAL = "total"
-CHART, MEASURED, IN_ALL = "three-dimensional hinges", "three dimensions", "total in three dimensions"
-IN_PLANE, THICKNESS = "total in the plane", "thickness"
+CHART = "three-dimensional hinges"
+MEASURED = "three dimensions"
+IN_ALL = "total in three dimensions"
+IN_PLANE = "total in the plane"
+THICKNESS = "thickness"
 PLANE_SHARES = ("rigid bodies", "hinge formulas", "joining of parts", IN_PLANE)
 MECHANISM_SHARES = ("rigid bodies", "hinge formulas", THICKNESS, "joining of parts", IN_ALL)
 POINTS = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # percentage points of a command
@@ -62,24 +76,41 @@ class Budget(Result):
 
     title = "error budget"
     main = ("share", {"share": TOTAL})
-    labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
+    labels: ClassVar = {
+        "share": (*SHARES, TOTAL),
+        "outside": (CHART, MEASURED, IN_ALL),
+        "commanded": DIRECTIONS,
+    }
     figure = "errors.budget_figure"
     reading: ClassVar[tuple[str, ...]] = (
         "shares are % of the commanded motion; a share is the error change by one model refinement",
     )
     share = Quantity(
-        "share of the error in the commanded direction", "percents", ("share", "direction"), POINTS,
+        "share of the error in the commanded direction",
+        "percents",
+        ("share", "direction"),
+        POINTS,
         uneven=plates.POINTS,
-    )  # fmt: skip
-    solid = Quantity("not in the planar total", "percents", ("outside", "direction"), POINTS, only="stage")
+    )
+    solid = Quantity(
+        "not in the planar total", "percents", ("outside", "direction"), POINTS, only="stage"
+    )
     across = Quantity(
-        "share of the error, by commanded direction", "percents", ("share", "commanded", "direction"), POINTS,
-        shown=False, only="stage",
-    )  # fmt: skip
+        "share of the error, by commanded direction",
+        "percents",
+        ("share", "commanded", "direction"),
+        POINTS,
+        shown=False,
+        only="stage",
+    )
     solid_across = Quantity(
-        "not in the planar total, by commanded direction", "percents", ("outside", "commanded", "direction"), POINTS,
-        shown=False, only="stage",
-    )  # fmt: skip
+        "not in the planar total, by commanded direction",
+        "percents",
+        ("outside", "commanded", "direction"),
+        POINTS,
+        shown=False,
+        only="stage",
+    )
 
 
 class MechanismBudget(Budget, mechanism=True):
@@ -89,19 +120,23 @@ class MechanismBudget(Budget, mechanism=True):
     labels: ClassVar = {"share": MECHANISM_SHARES}
     figure = ""
     reading = (
-        "shares are % of the commanded motion, by the single force or moment by which the network with rigid bodies "
-        "moves the output as commanded, with the other directions free",
+        "shares are % of the commanded motion, by the single force or moment by which the "
+        "network with rigid bodies moves the output as commanded, with the other directions free",
         plates.ALONG_READ,
         "rigid bodies: change by elastic bodies, from plane finite elements of each body",
         "hinge formulas: change from beam integrals to plane finite elements of each hinge",
-        "thickness: change from its effect by plates as high as each hinge to that by three-dimensional finite "
-        "elements of each hinge",
-        "joining of parts: change from parts with rigid end sections to finite elements of the whole mechanism",
+        "thickness: change from its effect by plates as high as each hinge to that by "
+        "three-dimensional finite elements of each hinge",
+        "joining of parts: change from parts with rigid end sections to finite elements of the "
+        "whole mechanism",
     )
     driven = Quantity(
-        "share of the error of the amplification", "percent", ("share", "actuator"), plates.POINTS,
+        "share of the error of the amplification",
+        "percent",
+        ("share", "actuator"),
+        plates.POINTS,
         note=plates.AMPLIFICATION_READ,
-    )  # fmt: skip
+    )
 
 
 @options(not_for="amplitude")
@@ -113,7 +148,8 @@ def budget(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Budget:
-    """Split the error of the analytic model of a stage or mechanism into named shares that add up to it.
+    """Split the error of the analytic model of a stage or mechanism into named shares that add up
+    to it.
 
     Parameters
     ----------
@@ -123,21 +159,35 @@ def budget(
         Neglect the effect of three dimensions.
     {shared}
     """
-    steps, lever = levels(arguments.resolution(resolution, 4)), lever_of(stage)
+    steps = levels(arguments.resolution(resolution, 4))
+    lever = lever_of(stage)
     if isinstance(stage, Mechanism):
-        require_hinges(stage, "which the analytic model needs whose error is split", plates.BY_ELEMENTS)
+        require_hinges(
+            stage, "which the analytic model needs whose error is split", plates.BY_ELEMENTS
+        )
         return _of_mechanism(stage, resolution, progress)
     commands = np.asarray(arguments.poses("amplitude", amplitude, 1)).ravel()
     if not np.all((commands > 0) & (commands <= LARGEST_AMPLITUDE)):
-        raise BadInput(f"amplitude {amplitude}, expected three numbers above 0 up to 10 mm, 10 mm and 1 rad")
+        raise BadInput(
+            f"amplitude {amplitude}, expected three numbers above 0 up to 10 mm, 10 mm and 1 rad"
+        )
     paper = analyse(stage)
-    models = [paper, *(analyse(stage, 21, *choice) for choice in ((), (CALIBRATED,), (CALIBRATED, True)))]
+    models = [
+        paper,
+        *(analyse(stage, 21, *choice) for choice in ((), (CALIBRATED,), (CALIBRATED, True))),
+    ]
     meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
-    K, C = paper.stiffness, np.array([mesh.compliance for mesh in meshes])
+    K = paper.stiffness
+    C = np.array([mesh.compliance for mesh in meshes])
     errors = [command_errors(np.array(steps), C, K, direction, lever) for direction in DIRECTIONS]
-    parts = [[(curve.band, curve.extrapolated, curve.values[-1]) for curve in curves] for curves in errors]
+    parts = [
+        [(curve.band, curve.extrapolated, curve.values[-1]) for curve in curves]
+        for curves in errors
+    ]
     half_width, limit, on_mesh = np.transpose(parts, (2, 1, 0))
-    nonlinear = _nonlinear_errors(stage, K, meshes[-1], commands)  # the error of this mesh cancels in the difference
+    nonlinear = _nonlinear_errors(
+        stage, K, meshes[-1], commands
+    )  # the error of this mesh cancels in the difference
     analytic = [error_matrix(K, model.compliance, lever) for model in models]
     sequence = np.array([*analytic, limit, limit + nonlinear - on_mesh])  # column j for command j
     shares = np.concatenate([np.diff(sequence, axis=0), sequence[-1:] - sequence[:1]])
@@ -146,17 +196,26 @@ def budget(
     outside, outside_band = np.full((2, 3, 3, 3), np.nan)
     if (C_thick := thick_compliance(stage)) is not None:
         outside[0] = error_matrix(K, C_thick, lever) - analytic[-1]
-    settings: dict[str, Any] = {"model": f"mobility {paper.mobility}, {DEFAULT_FORMULA}", "resolution": resolution}
+    settings: dict[str, Any] = {
+        "model": f"mobility {paper.mobility}, {DEFAULT_FORMULA}",
+        "resolution": resolution,
+    }
     if not plane:
         outside[1], outside_band[1] = _solid_change(stage, K)
-        outside[2], outside_band[2] = shares[-1] + outside[1], band[-1] + outside_band[1]
+        outside[2] = shares[-1] + outside[1]
+        outside_band[2] = band[-1] + outside_band[1]
         settings["three dimensions"] = f"{SOLID[0]} triangles, {SOLID[1]} layers"
     texts = warnings.of_result(stage, paper)
-    highest = neck_stresses(stage, meshes[-1], K.T * commands[:, None]).highest.max(axis=(1, 2))  # (18)
+    highest = neck_stresses(stage, meshes[-1], K.T * commands[:, None]).highest.max(
+        axis=(1, 2)
+    )  # (18)
     for direction, stress in zip(DIRECTIONS, highest.tolist(), strict=True):
         texts += warnings.of_yield(stress, stage.material.yield_strength, f"command in {direction}")
     values, bands = (
-        {name: np.diagonal(array, axis1=1, axis2=2) for name, array in (("share", planar), ("solid", solid))}
+        {
+            name: np.diagonal(array, axis1=1, axis2=2)
+            for name, array in (("share", planar), ("solid", solid))
+        }
         for planar, solid in ((shares, outside), (band, outside_band))
     )
     values |= {"across": np.moveaxis(shares, 1, 2), "solid_across": np.moveaxis(outside, 1, 2)}
@@ -164,10 +223,13 @@ def budget(
 
 
 def _of_mechanism(mechanism: Mechanism, resolution: int, progress: Progress | None) -> Budget:
-    """Return the shares of the errors of the network with rigid bodies of a mechanism, in its dimensions."""
+    """Return the shares of the errors of the network with rigid bodies of a mechanism, in its
+    dimensions.
+    """
     mesh = plates.mesh_of(mechanism, "both", resolution, None)
     assert mesh is not None
-    layout, finest = mechanism.layout, plates.compared(mechanism, mesh, progress)
+    layout = mechanism.layout
+    finest = plates.compared(mechanism, mesh, progress)
     parts = plates.parts_of(mechanism, mesh.resolution)
     networks = [ElasticParts(), ElasticParts(parts.bodies), parts]
     if finest.label != ELEMENTS:
@@ -177,12 +239,15 @@ def _of_mechanism(mechanism: Mechanism, resolution: int, progress: Progress | No
     ladder = [respond(layout, one.bodies, hinges=one.hinges).compliance for one in networks]
     steps = levels(mesh.resolution)
     planes = np.array([plates.solved(mechanism, level).compliance for level in steps])
-    rigid, lever = ladder[0][:3, :3], layout.lever
+    rigid = ladder[0][:3, :3]
+    lever = layout.lever
     of_driven = plates.amplification(layout, finest.compliance)
     unused = held(finest.compliance[:3, :3], lever)
 
     def along(compliance: Array) -> Array:
-        """Return the errors (..., 3) of the rigid network from another compliance (..., k, k), along each command."""
+        """Return the errors (..., 3) of the rigid network from another compliance (..., k, k),
+        along each command.
+        """
         errors = free_errors(rigid, compliance[..., :3, :3], lever)
         return np.where(unused, np.nan, np.diagonal(errors, axis1=-2, axis2=-1))
 
@@ -190,8 +255,12 @@ def _of_mechanism(mechanism: Mechanism, resolution: int, progress: Progress | No
         """Return the same (..., a), up to a constant, of the amplification."""
         return -amplification_errors(plates.amplification(layout, compliance), of_driven, lever)
 
-    values, bands = dict[str, Array](), dict[str, Array]()
-    totals = {"share": np.diagonal(finest.percent_band(rigid, lever)), "driven": finest.driven_band(ladder[0], layout)}
+    values = dict[str, Array]()
+    bands = dict[str, Array]()
+    totals = {
+        "share": np.diagonal(finest.percent_band(rigid, lever)),
+        "driven": finest.driven_band(ladder[0], layout),
+    }
     for name, error in {"share": along, "driven": driven}.items():
         if name == "share" or layout.actuators:
             sequence = [error(one) for one in (*ladder, finest.compliance)]
@@ -206,14 +275,24 @@ def _of_mechanism(mechanism: Mechanism, resolution: int, progress: Progress | No
 
 
 def _nonlinear_errors(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:
-    """Return the error percentages (3, 3) of nonlinear finite elements under (18), column j for command j."""
-    targets, scale = np.diag(commands), np.array([1.0, 1.0, stage.chain.link_lengths[2]])
-    poses = np.array([equilibrium(solution.mesh, plate_of(stage), (K @ target)[None]).pose[0] for target in targets])
+    """Return the error percentages (3, 3) of nonlinear finite elements under (18), column j for
+    command j.
+    """
+    targets = np.diag(commands)
+    scale = np.array([1.0, 1.0, stage.chain.link_lengths[2]])
+    poses = np.array(
+        [
+            equilibrium(solution.mesh, plate_of(stage), (K @ target)[None]).pose[0]
+            for target in targets
+        ]
+    )
     return np.asarray(100 * (poses - targets).T * scale[:, None] / (commands * scale))
 
 
 def thick_compliance(stage: Stage) -> Array | None:
-    """Return the compliance (3, 3) of calibrated three-dimensional hinges and elastic links; None off the chart."""
+    """Return the compliance (3, 3) of calibrated three-dimensional hinges and elastic links; None
+    off the chart.
+    """
     try:
         return analyse(corrected(stage), 21, CALIBRATED, True).compliance
     except BadInput:
@@ -221,11 +300,12 @@ def thick_compliance(stage: Stage) -> Array | None:
 
 
 def _solid_change(stage: Stage, K: Array) -> tuple[Array, Array]:
-    """Return the effect of three dimensions, percentage points (3, 3), column j for command j, and its diagonal band.
+    """Return the effect of three dimensions, percentage points (3, 3), column j for command j, and
+    its diagonal band.
 
-    It is the error in three dimensions less that of the plane problem on the same in-plane mesh, so that the error of
-    this mesh cancels. The band is `SAFETY` times the sum of the last changes by the mesh and by the layers.
-    """
+    It is the error in three dimensions less that of the plane problem on the same in-plane mesh, so
+    that the error of this mesh cancels. The band is `SAFETY` times the sum of the last changes by
+    the mesh and by the layers."""
 
     def change(resolution: int, layers: int) -> Array:
         solid = solve_solid(stage, resolution, layers)

@@ -1,4 +1,6 @@
-"""Case files: the commanded platform displacement, its range, and the stages and models of the curves."""
+"""Case files: the commanded platform displacement, its range, and the stages and models of the
+curves.
+"""
 
 from __future__ import annotations
 
@@ -40,17 +42,26 @@ def known_formula(name: str) -> str:
 
 
 Mobility: TypeAlias = Literal[3, 6, 12, 21]
-FormulaName: TypeAlias = Annotated[str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})]
+FormulaName: TypeAlias = Annotated[
+    str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})
+]
 OF_MODEL = "Mobility of the analytic model; by default the stage's own"
 FORMULA = "Hinge formula of the analytic model"
 ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model are also elastic"
 
 
 class Curve(Table):
-    """One curve: a stage file (relative to the case file) and the analytic model whose force is applied to it."""
+    """One curve: a stage file (relative to the case file) and the analytic model whose force is
+    applied to it.
+    """
 
-    label: Label = Field(description="Label in the legend, different for each curve", examples=["closed hinge formula"])
-    stage: Label = Field(description="Stage file, relative to the case file", examples=["stage.toml"])
+    label: Label = Field(
+        description="Label in the legend, different for each curve",
+        examples=["closed hinge formula"],
+    )
+    stage: Label = Field(
+        description="Stage file, relative to the case file", examples=["stage.toml"]
+    )
     mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
     links: bool = Field(default=False, description=f"{ELASTIC}; in linear cases only")
@@ -58,7 +69,9 @@ class Curve(Table):
     @model_validator(mode="after")
     def _links_go_with_all_freedoms(self) -> Curve:
         if self.links and self.mobility != 21:
-            raise refusal("mobility = 21 with it: elastic links need all freedoms of the hinges", "links")
+            raise refusal(
+                "mobility = 21 with it: elastic links need all freedoms of the hinges", "links"
+            )
         return self
 
 
@@ -68,32 +81,39 @@ class Case(Sourced):
     kind: ClassVar[str] = "case file"
 
     name: Label = Field(description="Title of the figure", examples=["Error for a command in X"])
-    direction: Direction = Field(description="Direction of the commanded displacement of the platform", examples=["x"])
+    direction: Direction = Field(
+        description="Direction of the commanded displacement of the platform", examples=["x"]
+    )
     amplitude_um: CommandUm | None = Field(default=None, examples=[50.0])
     """Commands in x or y range from minus to plus this value"""
     amplitude_mrad: CommandMrad | None = Field(default=None, examples=[1.0])
     """Commands in theta range from minus to plus this value"""
     points: int = Field(ge=3, le=10_001, description="Number of commands", examples=[21])
     analysis: Analysis = "linear"
-    """`nonlinear`: exact equilibrium of the pseudo-rigid stage and geometrically nonlinear finite elements; the mesh
-    bands are those of the linear problem"""
+    """`nonlinear`: exact equilibrium of the pseudo-rigid stage and geometrically nonlinear finite
+    elements; the mesh bands are those of the linear problem """
     drive: Drive = "force"
-    """Input of the finite elements: `force`, the force of (18) on the platform; `joints`, the rotations that the model
-    computes for the pose by (29) and (30), imposed on the base hinges with mobility three, else on base and elbow
-    hinges; `strokes`, the least-energy strokes of the stage's `[[actuator]]`. The last two require a linear analysis"""
+    """Input of the finite elements: `force`, the force of (18) on the platform; `joints`, the
+    rotations that the model computes for the pose by (29) and (30), imposed on the base hinges with
+    mobility three, else on base and elbow hinges; `strokes`, the least-energy strokes of the
+    stage's `[[actuator]]`. The last two require a linear analysis """
     model: Elements = "fe"
-    """The finite elements: `fe`, the stage's own plane model; `three_dimensional`, the extruded stage with free faces,
-    linear and with the force on the platform only. The analytic model uses the `model` of the stage file in both cases;
-    it may be `corrected` here"""
+    """The finite elements: `fe`, the stage's own plane model; `three_dimensional`, the extruded
+    stage with free faces, linear and with the force on the platform only. The analytic model uses
+    the `model` of the stage file in both cases; it may be `corrected` here """
     resolution: int = Field(
         default=RESOLUTION,  # at least 4, for two coarser levels
         ge=4,
         le=FINEST,
-        description=f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two coarser "
-        "meshes give the error bars",
+        description=(
+            f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two "
+            "coarser meshes give the error bars"
+        ),
     )
     layers: int = Field(default=LAYERS, ge=3, le=MOST_LAYERS, alias="thickness_resolution")
-    """Layers in half the thickness, with `three_dimensional`; the bands need two smaller numbers of layers"""
+    """Layers in half the thickness, with `three_dimensional`; the bands need two smaller numbers of
+    layers
+    """
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
     """A curve of the figure: a stage, and the analytic model that computes its command"""
 
@@ -108,9 +128,14 @@ class Case(Sourced):
         given = [unit for unit in ("um", "mrad") if getattr(self, f"amplitude_{unit}") is not None]
         required = "mrad" if self.direction == "theta" else "um"
         if given != [required]:
-            raise refusal(f"amplitude_{required} and no other amplitude for direction {self.direction}", "direction")
+            raise refusal(
+                f"amplitude_{required} and no other amplitude for direction {self.direction}",
+                "direction",
+            )
         nonlinear = self.analysis == "nonlinear"
-        labels = [curve.label.replace(" ", "_") for curve in self.curve]  # as in the paths of numbers
+        labels = [
+            curve.label.replace(" ", "_") for curve in self.curve
+        ]  # as in the paths of numbers
         for index, curve in enumerate(self.curve):
             if labels[index] in labels[:index]:
                 raise refusal("a label that no other curve has", "curve", index, "label")
@@ -121,7 +146,10 @@ class Case(Sourced):
         if not solid and "layers" in self.model_fields_set:
             raise refusal('no thickness_resolution with model = "fe"', "thickness_resolution")
         if solid and nonlinear:
-            raise refusal('"linear" with model = "three_dimensional", whose displacements are small', "analysis")
+            raise refusal(
+                '"linear" with model = "three_dimensional", whose displacements are small',
+                "analysis",
+            )
         if self.drive != "force" and (solid or nonlinear):
             reason = 'model = "three_dimensional"' if solid else 'analysis = "nonlinear"'
             raise refusal(f'"force" with {reason}, which loads the platform only', "drive")
@@ -145,15 +173,21 @@ class Case(Sourced):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Key paths of the numbers that need a source: those of the commands, no settings of the computation."""
+        """Key paths of the numbers that need a source: those of the commands, no settings of the
+        computation.
+        """
         return (*super().numbers, "points")
 
 
 class LoadedCase:
     """A case with its feasible stages; `stem` names its results."""
 
-    def __init__(self, path: str | os.PathLike[str], load: Callable[[Path], Stage] | None = None) -> None:
-        """Read the case, and its stages by `load`. Raises BadInput naming the file that cannot be used."""
+    def __init__(
+        self, path: str | os.PathLike[str], load: Callable[[Path], Stage] | None = None
+    ) -> None:
+        """Read the case, and its stages by `load`. Raises BadInput naming the file that cannot be
+        used.
+        """
         self.path = Path(path)
         self.stem = self.path.stem
         self.case = validate(Case, path)

@@ -1,4 +1,6 @@
-"""Reports without a solution: the content of a stage or mechanism file, and a comparison of hinge formulas."""
+"""Reports without a solution: the content of a stage or mechanism file, and a comparison of hinge
+formulas.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ from flexfem.units import LENGTH, RATE
 POINTS = 121  # of a curve
 MOST_GAPS = 6  # that are listed
 HIGHEST = 1e6  # largest H/h accepted; the chart has no limit
-THICKNESSES, RATIOS = (0.5, 50.0), (0.02, 0.1, 0.3, 1.0)  # range of b/t, and values of t/R, of the thickness review
+THICKNESSES = (0.5, 50.0)
+RATIOS = (0.02, 0.1, 0.3, 1.0)  # range of b/t, and values of t/R, of the thickness review
 
 
 class PlacedHinge(NamedTuple):
@@ -50,7 +53,9 @@ class PlacedHinge(NamedTuple):
 
 
 class PlacedActuator(NamedTuple):
-    """An actuator and the chains with identical data, its contacts as on chain 1, and the ratings of its stacks."""
+    """An actuator and the chains with identical data, its contacts as on chain 1, and the ratings
+    of its stacks.
+    """
 
     name: str
     chains: list[int]
@@ -67,7 +72,9 @@ class PlacedActuator(NamedTuple):
 
 
 class DriveReport(NamedTuple):
-    """The drive of a stage; the hash, assumptions and sources are those of the stage and the drive together."""
+    """The drive of a stage; the hash, assumptions and sources are those of the stage and the drive
+    together.
+    """
 
     actuators: list[PlacedActuator]
     hash: str
@@ -78,7 +85,9 @@ class DriveReport(NamedTuple):
 
 @brief
 class StageReport(NamedTuple):
-    """A valid, feasible stage: `dimensions` by keys of the file, `provenance` by key path; `drive` if it has one."""
+    """A valid, feasible stage: `dimensions` by keys of the file, `provenance` by key path; `drive`
+    if it has one.
+    """
 
     file: str
     name: str
@@ -96,7 +105,9 @@ class StageReport(NamedTuple):
 
 
 class PlacedBody(NamedTuple):
-    """A body of a mechanism without the boxes cut for its hinges; `held`: fixed, or its clamped edges by number."""
+    """A body of a mechanism without the boxes cut for its hinges; `held`: fixed, or its clamped
+    edges by number.
+    """
 
     body: str
     held: str
@@ -149,9 +160,11 @@ class PlacedGap(NamedTuple):
 
 @brief
 class MechanismReport(NamedTuple):
-    """A valid mechanism with all parameters and copies resolved, as far as it can be checked without a mesh.
+    """A valid mechanism with all parameters and copies resolved, as far as it can be checked
+    without a mesh.
 
-    dimensions : thickness, material, payload and values of parameters.   size : in x and y.   mass : of the plate.
+    dimensions : thickness, material, payload and values of parameters.   size : in x and y.   mass
+    : of the plate.
     gaps : the smallest between parts, one for every pair, the smallest first.
     """
 
@@ -201,27 +214,41 @@ def check(stage: Stage | Mechanism) -> StageReport | MechanismReport:
 
 
 def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
-    layout, material = mechanism.layout, mechanism.material
+    layout = mechanism.layout
+    material = mechanism.material
     with located(mechanism):
         check_layout(layout)
-    plate = [*(body_polygon(layout, k) for k in range(len(layout.bodies))), *map(joint_polygon, layout.joints)]
+    plate = [
+        *(body_polygon(layout, k) for k in range(len(layout.bodies))),
+        *map(joint_polygon, layout.joints),
+    ]
     extent = np.ptp(np.reshape(shapely.total_bounds(plate), (2, 2)), axis=0)
     names = [*(body.name for body in layout.bodies), GROUND]  # body -1 is the ground outside
     densities = [material.density for material in layout.materials]
     areas = shapely.area(plate).tolist()
-    masses = [_rounded(1e6 * rho * layout.thickness * area) for rho, area in zip(densities, areas, strict=True)]
+    masses = [
+        _rounded(1e6 * rho * layout.thickness * area)
+        for rho, area in zip(densities, areas, strict=True)
+    ]
     stated = {
         "thickness_mm": layout.thickness,
-        "material": material.model_dump(mode="json", by_alias=True, exclude={"expansion"}, exclude_none=True),
+        "material": material.model_dump(
+            mode="json", by_alias=True, exclude={"expansion"}, exclude_none=True
+        ),
         "parameters": {key: float(value) for key, value in mechanism.parameters.items()},
-        "payload": [{"mass_g": 1e6 * load.mass, "inertia_kg_mm2": 1e3 * load.inertia} for load in layout.payloads],
+        "payload": [
+            {"mass_g": 1e6 * load.mass, "inertia_kg_mm2": 1e3 * load.inertia}
+            for load in layout.payloads
+        ],
     }
     held = {key_path(("body", k), mechanism): _held(body) for k, body in enumerate(mechanism.body)}
     words = {
         key_path(("hinge", k), mechanism): hinge.shape for k, hinge in enumerate(mechanism.hinge)
     }  # copies have the key of their original, as bodies have
     sources = {key: text for key, text in mechanism.sources.items() if text}
-    tables = {key: [key[:k] for k, character in enumerate(key) if character in ".["] for key in sources}
+    tables = {
+        key: [key[:k] for k, character in enumerate(key) if character in ".["] for key in sources
+    }
     return MechanismReport(
         **of_stage(mechanism),
         model=mechanism.model,
@@ -234,7 +261,10 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
             for body, mass in zip(layout.bodies, masses, strict=False)
         ],
         hinges=[_profile(joint, names, words[joint.key]) for joint in layout.joints],
-        points=[PlacedPoint(name, names[at.body], _place(at.point), at.radius) for name, at in layout.points],
+        points=[
+            PlacedPoint(name, names[at.body], _place(at.point), at.radius)
+            for name, at in layout.points
+        ],
         actuators=[
             LinearDrive(
                 each.name,
@@ -249,7 +279,9 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
             for each in layout.actuators
         ],
         gaps=_gaps(layout),
-        provenance={key: text for key, text in sources.items() if text not in map(sources.get, tables[key])},
+        provenance={
+            key: text for key, text in sources.items() if text not in map(sources.get, tables[key])
+        },
         warnings=[*warning.of_numbers(mechanism), *warning.of_parameters(mechanism)],
     )
 
@@ -257,7 +289,9 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
 def _gaps(layout: Layout) -> list[PlacedGap]:
     names = names_of_parts(layout)
     return [
-        PlacedGap(" - ".join(names[part] for part in gap.parts), _rounded(gap.width), _place(gap.place))
+        PlacedGap(
+            " - ".join(names[part] for part in gap.parts), _rounded(gap.width), _place(gap.place)
+        )
         for gap in smallest_gaps(layout, MOST_GAPS)
     ]
 
@@ -274,19 +308,29 @@ def _held(body: PlateBody) -> str:
 
 def _profile(joint: Joint, names: list[str], shape: str) -> PlacedProfile:
     profile = joint.profile
-    own = {each.name: getattr(profile, each.name) for each in fields(profile) if each.name not in ("neck", "span")}
+    own = {
+        each.name: getattr(profile, each.name)
+        for each in fields(profile)
+        if each.name not in ("neck", "span")
+    }
     texts = {key: f"{value:.6g} {LENGTH}" for key, value in own.items() if isinstance(value, float)}
     texts |= {"angle": f"{np.rad2deg(own['angle']):.6g} deg"} if "angle" in own else {}
     others = [f"{FILE_KEYS.get(key, key).replace('_', ' ')} {text}" for key, text in texts.items()]
     if "table" in own:
-        others.append(f"{len(own['table'])} rows joined by {'a smooth curve' if own['smooth'] else 'straight lines'}")
+        others.append(
+            f"{len(own['table'])} rows joined by "
+            f"{'a smooth curve' if own['smooth'] else 'straight lines'}"
+        )
     if profile.side:
         others.append(f"on the {profile.side} side")
     if own.get("flush"):
         others.append(f"flush {', '.join(own['flush'])}")
-    between, direction = " - ".join(names[body] for body in joint.bodies), np.rad2deg(joint.heading) % 360.0
+    between = " - ".join(names[body] for body in joint.bodies)
+    direction = np.rad2deg(joint.heading) % 360.0
     size = (_rounded(profile.length), _rounded(profile.neck), ", ".join(others))
-    return PlacedProfile(joint.name, between, shape, *size, _place(joint.place), _rounded(direction))
+    return PlacedProfile(
+        joint.name, between, shape, *size, _place(joint.place), _rounded(direction)
+    )
 
 
 def _place(z: complex) -> tuple[float, float]:
@@ -300,11 +344,22 @@ def _rounded(value: float) -> float:
 
 def _stage_report(stage: Stage) -> StageReport:
     check_feasible(stage)
-    others = {"name", "units", "model", "hinges", "override", "actuator", "provenance", "frame"}  # reported elsewhere
+    others = {
+        "name",
+        "units",
+        "model",
+        "hinges",
+        "override",
+        "actuator",
+        "provenance",
+        "frame",
+    }  # reported elsewhere
     left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
-    frames, hinges = stage_frames(stage), list[PlacedHinge]()
+    frames = stage_frames(stage)
+    hinges = list[PlacedHinge]()
     for (row, k), axis in np.ndenumerate(frames.axes):
-        hinge, (x, y) = stage.hinge(row + 1, HINGE_NAMES[k]), frames.centres[row, k].tolist()
+        hinge = stage.hinge(row + 1, HINGE_NAMES[k])
+        x, y = frames.centres[row, k].tolist()
         place = (row + 1, HINGE_NAMES[k], (x, y), float(np.rad2deg(axis) % 360.0))
         hinges.append(PlacedHinge(*place, hinge.radius, hinge.neck, hinge.prismatic))
     sources = {key: text for key, text in stage.sources.items() if text}
@@ -314,9 +369,13 @@ def _stage_report(stage: Stage) -> StageReport:
         model=stage.model,
         chains_alike=stage.chains_alike,
         hash=stage.hash,
-        dimensions=stage.model_dump(mode="json", by_alias=True, exclude=left_out, exclude_none=True),
+        dimensions=stage.model_dump(
+            mode="json", by_alias=True, exclude=left_out, exclude_none=True
+        ),
         hinges=hinges,
-        provenance={key: text for key, text in sources.items() if not (of_drive(key) or of_heat(key))},
+        provenance={
+            key: text for key, text in sources.items() if not (of_drive(key) or of_heat(key))
+        },
         warnings=warning.of_stage(stage),
         drive=_drive(stage) if stage.actuator else None,
     )
@@ -326,8 +385,11 @@ def _drive(stage: Stage) -> DriveReport:
     """Return the drive; actuators of a file that are identical on several chains are listed once."""
     found = list[PlacedActuator]()
     for index, chain in np.ndindex(len(stage.actuator), len(CHAINS)):
-        actuator, drive = actuators_of(stage)[chain][index], drive_of(stage)
-        numbers = np.flatnonzero(drive.differential[:, drive.names.index(f"{actuator.name}, chain {CHAINS[chain]}")])
+        actuator = actuators_of(stage)[chain][index]
+        drive = drive_of(stage)
+        numbers = np.flatnonzero(
+            drive.differential[:, drive.names.index(f"{actuator.name}, chain {CHAINS[chain]}")]
+        )
         placed = [drive.stacks[k] for k in numbers]
         one = PlacedActuator(
             name=actuator.name,
@@ -335,7 +397,9 @@ def _drive(stage: Stage) -> DriveReport:
             between=actuator.between,
             stack=actuator.stack,
             contacts_mm=[_place(contact.point) for contact in placed],
-            directions_deg=[_rounded(np.angle(contact.direction, deg=True)) % 360.0 for contact in placed],
+            directions_deg=[
+                _rounded(np.angle(contact.direction, deg=True)) % 360.0 for contact in placed
+            ],
             stroke_um=_rounded(1e3 * actuator.rating.stroke),
             stiffness_n_per_um=_rounded(RATE.factor * actuator.rating.stiffness),
             blocking_force_n=actuator.rating.blocking_force,
@@ -353,7 +417,9 @@ def _drive(stage: Stage) -> DriveReport:
 
 
 class KnownFormula(NamedTuple):
-    """A hinge formula: freedoms stated by its source, range of t/R, source, and how reliably its form is known."""
+    """A hinge formula: freedoms stated by its source, range of t/R, source, and how reliably its
+    form is known.
+    """
 
     freedoms: tuple[str, ...]
     t_over_R: Ends  # noqa: N815 as the equations call it
@@ -362,7 +428,8 @@ class KnownFormula(NamedTuple):
 
 
 class KnownShape(NamedTuple):
-    """Published closed form of a hinge shape; r in `t_over_r` is the notch depth, fillet radius or, of a leaf, length.
+    """Published closed form of a hinge shape; r in `t_over_r` is the notch depth, fillet radius or,
+    of a leaf, length.
 
     The models integrate the profile of any shape numerically and use no closed form.
     """
@@ -374,7 +441,9 @@ class KnownShape(NamedTuple):
 
 
 class FormulaCurve(NamedTuple):
-    """Ratios (n,) of the compliances of a formula, valid for t/R in `valid`, to finite elements; None if not stated."""
+    """Ratios (n,) of the compliances of a formula, valid for t/R in `valid`, to finite elements;
+    None if not stated.
+    """
 
     name: str
     valid: tuple[float, float]
@@ -385,10 +454,11 @@ class FormulaCurve(NamedTuple):
 
 @brief
 class HingeReview(NamedTuple):
-    """Ratios of all formulas to the finite elements of the hinge chart with H = h, at t/R `ratio` (n,).
+    """Ratios of all formulas to the finite elements of the hinge chart with H = h, at t/R `ratio`
+    (n,).
 
-    height : H/h of the higher blocks, whose finite elements are `higher`.   poissons_ratio : for the shear.
-    """
+    height : H/h of the higher blocks, whose finite elements are `higher`.   poissons_ratio : for
+    the shear."""
 
     ratio: Array
     curves: Sequence[FormulaCurve]
@@ -400,7 +470,9 @@ class HingeReview(NamedTuple):
 
 @brief
 class ThicknessReview(NamedTuple):
-    """Ratio (k, n) of three-dimensional to plane-stress compliance of a hinge, at t/R `ratio` and b/t `width`."""
+    """Ratio (k, n) of three-dimensional to plane-stress compliance of a hinge, at t/R `ratio` and
+    b/t `width`.
+    """
 
     width: Array
     ratio: Array
@@ -411,13 +483,23 @@ class ThicknessReview(NamedTuple):
 
 
 def known_formulas() -> dict[str, KnownFormula]:
-    """Return freedoms, range of t/R and source of every hinge formula by name, including the user's own."""
-    return {name: KnownFormula(f.freedoms, Ends(f.valid), f.source, f.status) for name, f in FORMULAS.items()}
+    """Return freedoms, range of t/R and source of every hinge formula by name, including the user's
+    own.
+    """
+    return {
+        name: KnownFormula(f.freedoms, Ends(f.valid), f.source, f.status)
+        for name, f in FORMULAS.items()
+    }
 
 
 def known_shapes() -> dict[str, KnownShape]:
-    """Return freedoms, range and source of the closed form of every hinge shape that has one, by shape."""
-    return {shape: KnownShape(f.freedoms, Ends(f.valid), f.source, f.status) for shape, f in SHAPE_FORMULAS.items()}
+    """Return freedoms, range and source of the closed form of every hinge shape that has one, by
+    shape.
+    """
+    return {
+        shape: KnownShape(f.freedoms, Ends(f.valid), f.source, f.status)
+        for shape, f in SHAPE_FORMULAS.items()
+    }
 
 
 def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:
@@ -425,32 +507,46 @@ def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeRevie
 
     Parameters
     ----------
-    height : block height over notch height, H/h, from 1 to 1e6.   poissons_ratio : from 0 to 0.5, for the shear only.
-    """
+    height : block height over notch height, H/h, from 1 to 1e6.   poissons_ratio : from 0 to 0.5,
+    for the shear only."""
     height = arguments.between("height", height, 1.0, HIGHEST)
     poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, 0.0, 0.5)
     ratio = np.geomspace(*FORMULAS["calibrated"].valid, POINTS)
-    full = formula("calibrated").compliance(1.0, ratio, 1.0, 1.0, poissons_ratio)  # H = h; nan off the chart
+    full = formula("calibrated").compliance(
+        1.0, ratio, 1.0, 1.0, poissons_ratio
+    )  # H = h; nan off the chart
 
     def curve(name: str) -> FormulaCurve:
-        compliances = FORMULAS[name].compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
+        compliances = FORMULAS[name].compliance(
+            1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio)
+        )
         parts = zip(("rotation", "axial", "shear"), compliances, full, strict=True)
-        values = (c / c_full if freedom in FORMULAS[name].freedoms else None for freedom, c, c_full in parts)
+        values = (
+            c / c_full if freedom in FORMULAS[name].freedoms else None
+            for freedom, c, c_full in parts
+        )
         return FormulaCurve(name, FORMULAS[name].valid, *values)
 
     published = [curve(name) for name in FORMULAS if name != "calibrated"]
-    return HingeReview(ratio, published, height, curve("calibrated"), poissons_ratio, FORMULAS["calibrated"].source)
+    return HingeReview(
+        ratio, published, height, curve("calibrated"), poissons_ratio, FORMULAS["calibrated"].source
+    )
 
 
 def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
-    """Ratio of three-dimensional to plane-stress compliance of hinges over their thickness, for slender to stout necks.
+    """Ratio of three-dimensional to plane-stress compliance of hinges over their thickness, for
+    slender to stout necks.
 
     Parameters
     ----------
     poissons_ratio : on the thickness chart, from 0.1 to 0.45; BadInput for another.
     """
     poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, *thickness_chart().ends[2])
-    width, ratio = np.geomspace(*THICKNESSES, POINTS), np.array(RATIOS)
+    width = np.geomspace(*THICKNESSES, POINTS)
+    ratio = np.array(RATIOS)
     factors = thickness_factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
-    source = "three-dimensional finite elements of one hinge, flexfem (flexfem/data/thickness_chart.json)"
+    source = (
+        "three-dimensional finite elements of one hinge, flexfem "
+        "(flexfem/data/thickness_chart.json)"
+    )
     return ThicknessReview(width, ratio, poissons_ratio, factors.rotation, factors.axial, source)

@@ -1,4 +1,6 @@
-"""Where a drawing, or another mechanism, departs from a mechanism, and what that does to its stiffness."""
+"""Where a drawing, or another mechanism, departs from a mechanism, and what that does to its
+stiffness.
+"""
 
 from __future__ import annotations
 
@@ -27,14 +29,18 @@ from flexfem.questions.stiffness import stiffness
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS
 
-NEAR = 0.5  # distance of a hinge from that of the mechanism, per its length, up to which they are the same one
-SAME_FRAME = 0.05  # area of which only one plate consists, per area, up to which both have the same axes
+# distance of a hinge from that of the mechanism, per its length, up to which they are the same one
+NEAR = 0.5
+SAME_FRAME = (
+    0.05  # area of which only one plate consists, per area, up to which both have the same axes
+)
 SIGNIFICANT = 1e-4  # um, a smaller difference is round-off
 QUARTERS = (1, 1j, -1, -1j)
 
 
 class ComparedHinge(NamedTuple):
-    """Differences of a hinge from that of the mechanism; `radius_um`: of its notches or fillets, `off_um`: its centre.
+    """Differences of a hinge from that of the mechanism; `radius_um`: of its notches or fillets,
+    `off_um`: its centre.
 
     other : what else is different.
     """
@@ -60,7 +66,8 @@ class ComparedNumber(NamedTuple):
 class Comparison(NamedTuple):
     """Departure of a plate from a mechanism.
 
-    edge_off_um, edge_off_at_mm : largest distance of an edge, and its place; edge_off : at which part, and which way.
+    edge_off_um, edge_off_at_mm : largest distance of an edge, and its place; edge_off : at which
+    part, and which way.
     area_off : area of which only one of the plates consists, per area of the mechanism.
     """
 
@@ -78,15 +85,18 @@ class Comparison(NamedTuple):
 
 
 def compare(
-    *files: Path, reading: Reading = NO_READING, models: Literal["analytic", "elements"] = "analytic"
+    *files: Path,
+    reading: Reading = NO_READING,
+    models: Literal["analytic", "elements"] = "analytic",
 ) -> Comparison:
-    """Show where a drawing, or another mechanism, departs from a mechanism, and what that does to stiffness.
+    """Show where a drawing, or another mechanism, departs from a mechanism, and what that does to
+    stiffness.
 
     Parameters
     ----------
     *files : path
-        A drawing and a mechanism file in either order, or the mechanism and another one. A drawing takes thickness,
-        material, ground and output from the mechanism where they are not stated.
+        A drawing and a mechanism file in either order, or the mechanism and another one. A drawing
+        takes thickness, material, ground and output from the mechanism where they are not stated.
     reading : Reading
         Of the drawing: its units, part and so on.
     models : {"analytic", "elements"}
@@ -95,10 +105,14 @@ def compare(
     Raises
     ------
     BadInput
-        There are not two files, one of them cannot be read, or both are drawings without thickness and material.
+        There are not two files, one of them cannot be read, or both are drawings without thickness
+        and material.
     """
     if len(files) != 2:
-        raise BadInput(f"{len(files)} files, expected two: a drawing and a mechanism file, or two mechanism files")
+        raise BadInput(
+            f"{len(files)} files, expected two: a drawing and a mechanism file, or two mechanism "
+            "files"
+        )
     paths = [checked_path(path) for path in files]
     if is_drawing(paths[0]) and not is_drawing(paths[1]):
         paths.reverse()
@@ -107,11 +121,14 @@ def compare(
     if is_drawing(paths[1]):
         other, move = _drawn(paths[1], reading, base, notes)
     else:
-        other, move = _mechanism(load(paths[1]), paths[1]), Move()
+        other = _mechanism(load(paths[1]), paths[1])
+        move = Move()
     compared = [*_hinges(base.layout, other.layout, move)]
     hinges = [each for each in compared if each.other or any(each[1:-1])]
     if len(hinges) < len(compared):
-        notes.append(f"{len(compared) - len(hinges)} of {len(compared)} hinges are equal, and not listed")
+        notes.append(
+            f"{len(compared) - len(hinges)} of {len(compared)} hinges are equal, and not listed"
+        )
     found = departure(fine_polygon(base.layout), moved(fine_polygon(other.layout), move))
     return Comparison(
         file=str(paths[0]),
@@ -130,12 +147,18 @@ def compare(
 
 def _mechanism(plate: Any, path: Path) -> Mechanism:
     if not isinstance(plate, Mechanism):
-        raise BadInput(f"{place_of(path)}: this is a stage file, expected a mechanism file or a drawing")
+        raise BadInput(
+            f"{place_of(path)}: this is a stage file, expected a mechanism file or a drawing"
+        )
     return plate
 
 
-def _drawn(path: Path, reading: Reading, base: Mechanism, notes: list[str]) -> tuple[Mechanism, Move]:
-    """Return the mechanism of a drawing with the roles of the parts of another, and the move to its axes."""
+def _drawn(
+    path: Path, reading: Reading, base: Mechanism, notes: list[str]
+) -> tuple[Mechanism, Move]:
+    """Return the mechanism of a drawing with the roles of the parts of another, and the move to its
+    axes.
+    """
     stated = reading._replace(material=reading.material or "al-7075-t6")
     if reading.thickness is None:
         stated = stated._replace(thickness=float(base.thickness))
@@ -145,8 +168,8 @@ def _drawn(path: Path, reading: Reading, base: Mechanism, notes: list[str]) -> t
         turn = math.degrees(cmath.phase(move.factor))
         flipped = ", turned over" * move.mirrored
         notes.append(
-            f"the drawing has other axes: it was turned by {turn:.6g} degrees{flipped} and moved by "
-            f"{move.shift.real:.6g}, {move.shift.imag:.6g} mm"
+            f"the drawing has other axes: it was turned by {turn:.6g} degrees{flipped} and moved "
+            f"by {move.shift.real:.6g}, {move.shift.imag:.6g} mm"
         )
     if reading.wishes == Wishes():
         plate = imported(path, stated, wishes=_wishes(base.layout, move))
@@ -160,7 +183,8 @@ def _numbers_of_material(base: Mechanism) -> dict[str, Any]:
 
 def registered(base: Layout, other: Layout) -> Move:
     """Return the move of the second plate after which it covers the first best."""
-    one, two = plate_polygon(base), plate_polygon(other)
+    one = plate_polygon(base)
+    two = plate_polygon(other)
     if _area_off(one, two) <= SAME_FRAME:
         return Move()
     found = list[tuple[float, Move]]()
@@ -196,7 +220,9 @@ def moved(shape: Any, move: Move) -> Any:
 
 
 def _wishes(base: Layout, move: Move) -> Wishes:
-    """Return the ground and the output of a layout as points of a drawing that a move takes to its axes."""
+    """Return the ground and the output of a layout as points of a drawing that a move takes to its
+    axes.
+    """
     back = inverse(move)
     ground = list[complex]()
     for index, body in enumerate(base.bodies):
@@ -234,12 +260,17 @@ def _hinges(base: Layout, other: Layout, move: Move) -> Iterator[ComparedHinge]:
     for index, joint in enumerate(other.joints):
         if index not in taken:
             at = f"{places[index].real:.4g}, {places[index].imag:.4g} mm"
-            yield ComparedHinge(joint.name, None, None, None, None, f"at {at}, not in the mechanism")
+            yield ComparedHinge(
+                joint.name, None, None, None, None, f"at {at}, not in the mechanism"
+            )
 
 
 def _compared(one: Joint, other: Joint, move: Move) -> ComparedHinge:
-    first, second = one.profile, other.profile
-    turned = math.degrees(cmath.phase(cmath.exp(2j * (move.heading(other.heading) - one.heading)))) / 2
+    first = one.profile
+    second = other.profile
+    turned = (
+        math.degrees(cmath.phase(cmath.exp(2j * (move.heading(other.heading) - one.heading)))) / 2
+    )
     remarks = list[str]()
     if type(first) is not type(second):
         remarks.append(f"{_shape(second)} instead of {_shape(first)}")
@@ -278,7 +309,9 @@ def _part_at(layout: Layout, found: Departure) -> str:
     return f"at {name}: {'less' if found.inside else 'more'} material"
 
 
-def _numbers(base: Mechanism, other: Mechanism, models: Literal["analytic", "elements"]) -> Iterator[ComparedNumber]:
+def _numbers(
+    base: Mechanism, other: Mechanism, models: Literal["analytic", "elements"]
+) -> Iterator[ComparedNumber]:
     """Yield stiffness in all directions and the first frequency of both plates."""
     if not (base.layout.joints and other.layout.joints):
         models = "elements"
@@ -287,8 +320,13 @@ def _numbers(base: Mechanism, other: Mechanism, models: Literal["analytic", "ele
         values = [np.ravel(found.at(others)) for found in answers]
         units = np.ravel(answers[0].unit(others))
         for direction, unit, first, second in zip(DIRECTIONS, units, *values, strict=True):
-            yield _number(f"stiffness {direction}, others {others} ({unit})", float(first), float(second))
-    first, second = (float(np.ravel(modes(each, models=models, count=1).at("frequency"))[0]) for each in (base, other))
+            yield _number(
+                f"stiffness {direction}, others {others} ({unit})", float(first), float(second)
+            )
+    first, second = (
+        float(np.ravel(modes(each, models=models, count=1).at("frequency"))[0])
+        for each in (base, other)
+    )
     yield _number("first frequency (Hz)", first, second)
 
 

@@ -15,25 +15,35 @@ from flexfem.questions.setup import answer, on_meshes, question
 from flexfem.results import COARSER, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
-RESOLUTIONS, MECHANISM_RESOLUTIONS = (3, 4, 6, 8, 11, 15), (3, 4, 6, 8)
+RESOLUTIONS = (3, 4, 6, 8, 11, 15)
+MECHANISM_RESOLUTIONS = (3, 4, 6, 8)
 LARGE = 1e-3  # of a compliance: the target accuracy of the default mesh
 
 
 class MeshConvergence(Result):
-    """Compliance of the platform or output on meshes of increasing resolution, and its extrapolated limit."""
+    """Compliance of the platform or output on meshes of increasing resolution, and its extrapolated
+    limit.
+    """
 
     title = "mesh convergence"
     main = ("extrapolated", {})
     figure = "errors.convergence_figure"
-    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), COARSER)
+    along = Quantity(
+        "compliance along each direction", "compliance", ("mesh", "direction"), COARSER
+    )
     extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), COARSER)
     order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1), uneven=Gate(0.5))
     triangles = Quantity("triangles", "", ("mesh",), Gate(0.05), only="stage")
     unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
     compliance = Quantity(
-        "compliance", "compliance matrix", ("mesh", "component", "direction"), COARSER, "matrix", shown=False,
+        "compliance",
+        "compliance matrix",
+        ("mesh", "component", "direction"),
+        COARSER,
+        "matrix",
+        shown=False,
         only="stage",
-    )  # fmt: skip
+    )
 
     @property
     def resolutions(self) -> list[int]:
@@ -52,19 +62,25 @@ class MechanismConvergence(MeshConvergence, mechanism=True):
 
 @question
 def converge(
-    stage: Stage | Mechanism, *, resolutions: list[int] | None = None, progress: Progress | None = None
+    stage: Stage | Mechanism,
+    *,
+    resolutions: list[int] | None = None,
+    progress: Progress | None = None,
 ) -> MeshConvergence:
-    """Solve a stage or mechanism on finer and finer meshes: observed order, extrapolated compliance and mesh band.
+    """Solve a stage or mechanism on finer and finer meshes: observed order, extrapolated compliance
+    and mesh band.
 
     Parameters
     ----------
     resolutions : list of int, optional
-        Triangles across every neck: three or more, each at least 1.3 times the previous one; by default 3 to 15.
+        Triangles across every neck: three or more, each at least 1.3 times the previous one; by
+        default 3 to 15.
     {shared}
 
     Notes
     -----
-    I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001; the band is Roache's index, with his safety factors.
+    I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001; the band is Roache's index, with his
+    safety factors.
 
     Examples
     --------
@@ -79,19 +95,31 @@ def converge(
     C = np.array([mesh.compliance for mesh in meshes])
     along = np.diagonal(C, axis1=1, axis2=2)[:, :3]
     curves = [grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T]
-    limits, orders, widths = np.transpose([(curve.extrapolated, curve.observed, curve.band) for curve in curves])
-    values = {"along": along, "extrapolated": limits, "order": orders, "unknowns": [mesh.unknowns for mesh in meshes]}
+    limits, orders, widths = np.transpose(
+        [(curve.extrapolated, curve.observed, curve.band) for curve in curves]
+    )
+    values = {
+        "along": along,
+        "extrapolated": limits,
+        "order": orders,
+        "unknowns": [mesh.unknowns for mesh in meshes],
+    }
     bands = {"along": np.full(along.shape, np.nan), "extrapolated": widths}
     bands["along"][-1] = widths
     labels = {"mesh": [f"{level} across a neck" for level in steps]}
-    notes = [f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)]
+    notes = [
+        f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)
+    ]
     warnings = [
-        f"the mesh band of the compliance in {axis} is ±{100 * curve.band / abs(curve.extrapolated):.2g} % "
-        f"({curve.verdict}); finer meshes reduce it"
+        f"the mesh band of the compliance in {axis} is "
+        f"±{100 * curve.band / abs(curve.extrapolated):.2g} % ({curve.verdict}); finer meshes "
+        "reduce it"
         for axis, curve in zip(DIRECTIONS, curves, strict=True)
         if curve.band > LARGE * abs(curve.extrapolated)
     ]
     if isinstance(stage, Stage):
         values |= {"compliance": C, "triangles": [mesh.triangles for mesh in meshes]}
         warnings = [*warning.of_numbers(stage), *warnings]
-    return answer(MeshConvergence, stage, {}, None, {}, values, labels, bands, warnings=warnings, notes=notes)
+    return answer(
+        MeshConvergence, stage, {}, None, {}, values, labels, bands, warnings=warnings, notes=notes
+    )

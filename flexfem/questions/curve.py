@@ -1,8 +1,9 @@
-"""Curve of the force that drives the output of a mechanism along one direction, by beams and by finite elements.
+"""Curve of the force that drives the output of a mechanism along one direction, by beams and by
+finite elements.
 
-Each model follows its own curve from rest. Finite elements follow it on the coarsest mesh. On the finer meshes they are
-solved at its events and at the shares of the displacement alone, reached along the same curve.
-"""
+Each model follows its own curve from rest. Finite elements follow it on the coarsest mesh. On the
+finer meshes they are solved at its events and at the shares of the displacement alone, reached
+along the same curve."""
 
 from __future__ import annotations
 
@@ -39,14 +40,18 @@ NUMBERS = 9  # of the output, see `numbers_of`
 
 
 def numbers_of(point: CurvePoint) -> Array:
-    """Return pose, load, and tangent stiffness along every direction with the others free, of the output (9,)."""
+    """Return pose, load, and tangent stiffness along every direction with the others free, of the
+    output (9,).
+    """
     return np.concatenate([point.motions[:3], point.loads[:3], 1 / np.diag(point.compliance)[:3]])
 
 
 class Traced(NamedTuple):
-    """A curve of one theory: its points, those at the shares of the displacement, and its events, by their labels.
+    """A curve of one theory: its points, those at the shares of the displacement, and its events,
+    by their labels.
 
-    shares : as far as the curve reaches them.   share_bands : half-widths (s, 9) of `numbers_of` them.
+    shares : as far as the curve reaches them.   share_bands : half-widths (s, 9) of `numbers_of`
+    them.
     event_bands : (9,), of every event.
     """
 
@@ -58,7 +63,9 @@ class Traced(NamedTuple):
 
 
 def by_beams(layout: Layout, port: int, displacements: Array) -> Traced:
-    """Return the curve of co-rotational beams up to the last of displacements (s,) of a port, mm or rad."""
+    """Return the curve of co-rotational beams up to the last of displacements (s,) of a port, mm or
+    rad.
+    """
     plate = DrivenPlate(layout)
 
     def reach(near: CurvePoint, line: tuple[float, float, float]) -> CurvePoint | None:
@@ -74,9 +81,15 @@ def by_beams(layout: Layout, port: int, displacements: Array) -> Traced:
 
 
 def by_elements(
-    mechanism: Mechanism, mesh: Mesh, port: int, displacements: Array, progress: Progress | None = None
+    mechanism: Mechanism,
+    mesh: Mesh,
+    port: int,
+    displacements: Array,
+    progress: Progress | None = None,
 ) -> Traced:
-    """Return the curve of plane finite elements up to the last of displacements (s,) of a port, mm or rad."""
+    """Return the curve of plane finite elements up to the last of displacements (s,) of a port, mm
+    or rad.
+    """
     steps = levels(mesh.resolution)
     coarsest = PulledElements(model_of(mechanism, steps[0]), port)
     curve = Followed(coarsest.on_line, port, float(displacements[-1])).curve(coarsest.rest())
@@ -91,14 +104,23 @@ def by_elements(
     if progress is not None:
         progress(f"{len(steps)} of {len(steps)} meshes")
     on_meshes = zip(*found, strict=True)
-    each = [_on_all_meshes(waypoint, points, port) for waypoint, points in zip(wanted, on_meshes, strict=True)]
-    labels = labels_of([waypoint.event for waypoint in wanted if waypoint.event is not None], mechanism.layout)
+    each = [
+        _on_all_meshes(waypoint, points, port)
+        for waypoint, points in zip(wanted, on_meshes, strict=True)
+    ]
+    labels = labels_of(
+        [waypoint.event for waypoint in wanted if waypoint.event is not None], mechanism.layout
+    )
     sizes = np.array(steps, dtype=float)
-    shares, share_bands = list[CurvePoint](), list[Array]()
-    events, event_bands = dict[str, CurvePoint](), dict[str, Array]()
+    shares = list[CurvePoint]()
+    share_bands = list[Array]()
+    events = dict[str, CurvePoint]()
+    event_bands = dict[str, Array]()
     for waypoint, points in zip(wanted, each, strict=True):
         values = np.array([numbers_of(point) for point in points])
-        band = corner_bands(sizes, values) if len(points) == len(steps) else np.full(NUMBERS, np.nan)
+        band = (
+            corner_bands(sizes, values) if len(points) == len(steps) else np.full(NUMBERS, np.nan)
+        )
         if waypoint.event is None:
             shares.append(points[-1])
             share_bands.append(band)
@@ -109,8 +131,12 @@ def by_elements(
     return Traced(curve, shares, events, np.reshape(share_bands, (-1, NUMBERS)), event_bands)
 
 
-def _on_all_meshes(waypoint: Waypoint, points: Sequence[CurvePoint | None], port: int) -> list[CurvePoint]:
-    """Return a point of the curve on the coarsest and, as far as it is found there, on the finer meshes."""
+def _on_all_meshes(
+    waypoint: Waypoint, points: Sequence[CurvePoint | None], port: int
+) -> list[CurvePoint]:
+    """Return a point of the curve on the coarsest and, as far as it is found there, on the finer
+    meshes.
+    """
     found = [point for point in points if point is not None]
     if waypoint.event is None:
         return found
@@ -126,7 +152,15 @@ def labels_of(events: Sequence[Event], layout: Layout) -> list[str]:
 
 def _name(event: Event, layout: Layout) -> str:
     if event.kind == WITHOUT_FORCE:
-        return "unstable position without force" if event.at.unstable else "stable position without force"
+        return (
+            "unstable position without force"
+            if event.at.unstable
+            else "stable position without force"
+        )
     if event.kind == BIFURCATION:
-        return f"buckling of {layout.ports[event.port].label}" if event.port >= 0 else "buckling of other parts"
+        return (
+            f"buckling of {layout.ports[event.port].label}"
+            if event.port >= 0
+            else "buckling of other parts"
+        )
     return {HIGHEST: "limit of the force", FURTHEST: "limit of the displacement"}[event.kind]

@@ -1,4 +1,6 @@
-"""Errors of finite elements under the force (18) or the joint commands of an analytic model: Figures 5 to 7."""
+"""Errors of finite elements under the force (18) or the joint commands of an analytic model:
+Figures 5 to 7.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,14 @@ from flexfem.fem.stage_mesh import plate_of, sheet_of
 from flexfem.files.provenance import assumptions
 from flexfem.files.refusals import checked_path, shown
 from flexfem.files.toml import bad_key, kind_of, read_toml
-from flexfem.files.writing import check_folder, check_name, digest, digest_of_arrays, read_arrays, write_atomically
+from flexfem.files.writing import (
+    check_folder,
+    check_name,
+    digest,
+    digest_of_arrays,
+    read_arrays,
+    write_atomically,
+)
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.mechanism import Mechanism, load_mechanism
@@ -53,10 +62,14 @@ from flexfem.results import (
 from flexfem.units import DIRECTIONS
 
 LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors to be explained
-UNSETTLED = 0.05  # percentage points: smaller bands of meshes that do not converge do not matter in the tables
+# percentage points: smaller bands of meshes that do not converge do not matter in the tables
+UNSETTLED = 0.05
 SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
-POINT, MATRIX = ("curve", "point", "direction"), ("curve", "component", "direction")
-PERCENT_GATE = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # relative to the displacement, not to its error
+POINT = ("curve", "point", "direction")
+MATRIX = ("curve", "component", "direction")
+PERCENT_GATE = Gate(
+    FRESH.relative, absolute=100 * FRESH.relative
+)  # relative to the displacement, not to its error
 
 
 class HingeDrawing(BaseModel):
@@ -71,12 +84,22 @@ class HingeDrawing(BaseModel):
     freedoms: list[str]
 
     @classmethod
-    def of_stage(cls, stage: Stage, freedoms: Sequence[Sequence[Sequence[str]]]) -> list[HingeDrawing]:
+    def of_stage(
+        cls, stage: Stage, freedoms: Sequence[Sequence[Sequence[str]]]
+    ) -> list[HingeDrawing]:
         """Return the hinges of a stage, chain by chain, with their freedoms (3 chains, 3 hinges)."""
-        frames, drawings = stage_frames(stage), []
+        frames = stage_frames(stage)
+        drawings = []
         for (row, k), axis in np.ndenumerate(frames.axes):
-            name, (x, y), kinds = HINGE_NAMES[k], frames.centres[row, k].tolist(), list(freedoms[row][k])
-            where: dict[str, Any] = {"chain": row + 1, "hinge": name, "centre": (x, y), "axis": float(axis)}
+            name = HINGE_NAMES[k]
+            x, y = frames.centres[row, k].tolist()
+            kinds = list(freedoms[row][k])
+            where: dict[str, Any] = {
+                "chain": row + 1,
+                "hinge": name,
+                "centre": (x, y),
+                "axis": float(axis),
+            }
             size = stage.hinge(row + 1, name)
             drawings.append(cls(**where, radius=size.radius, neck=size.neck, freedoms=kinds))
         return drawings
@@ -115,44 +138,98 @@ class Verification(Result):
     main = ("percent", {})
     columns = ("direction",)
     reading = ("errors are those at the largest command; rotations are multiplied by l3",)
-    percent = Quantity("positioning error, % of the commanded motion", "percents", ("curve", "direction"), PERCENT_GATE)
+    percent = Quantity(
+        "positioning error, % of the commanded motion",
+        "percents",
+        ("curve", "direction"),
+        PERCENT_GATE,
+    )
     along = Quantity(
-        "stiffness of the platform along each direction", "stiffness", ("curve", "model", "direction"), FRESH
+        "stiffness of the platform along each direction",
+        "stiffness",
+        ("curve", "model", "direction"),
+        FRESH,
     )
     peak = Quantity(
-        "highest neck stress per displacement along the command", "stress per motion",
-        ("curve", "model", "chain", "hinge", "direction"), STRESS, "all",
-        note="the analytic stress is with the other directions held; that of finite elements is divided by the "
-        "resulting displacement",
-    )  # fmt: skip
-    neck_stress = Quantity(
-        "neck stress of finite elements at the largest command", "mpa", ("curve", "chain", "hinge"), STRESS, "all"
+        "highest neck stress per displacement along the command",
+        "stress per motion",
+        ("curve", "model", "chain", "hinge", "direction"),
+        STRESS,
+        "all",
+        note=(
+            "the analytic stress is with the other directions held; that of finite elements is "
+            "divided by the resulting displacement"
+        ),
     )
-    load = Quantity("load on the platform at the largest command", "wrench", ("curve", "direction"), SOLVED, "wrench")
-    command = Quantity("commanded displacement", "motion", ("point", "direction"), EXACT, "pose", shown=False)
-    error = Quantity("finite-element minus commanded displacement", "motion", POINT, COARSER, "pose", shown=False)
-    force = Quantity("load of the model on the platform", "wrench", POINT, SOLVED, "wrench", shown=False)
-    rotation = Quantity("imposed rotation", "rad", ("curve", "point", "joint"), SOLVED, "axis", shown=False)
-    stroke = Quantity("imposed stroke", "mm", ("curve", "point", "joint"), SOLVED, "axis", shown=False)
-    stiffness = Quantity("analytic stiffness", "stiffness matrix", MATRIX, EXACT, "matrix", shown=False)
-    compliance = Quantity("compliance of finite elements", "compliance matrix", MATRIX, FRESH, "matrix", shown=False)
+    neck_stress = Quantity(
+        "neck stress of finite elements at the largest command",
+        "mpa",
+        ("curve", "chain", "hinge"),
+        STRESS,
+        "all",
+    )
+    load = Quantity(
+        "load on the platform at the largest command",
+        "wrench",
+        ("curve", "direction"),
+        SOLVED,
+        "wrench",
+    )
+    command = Quantity(
+        "commanded displacement", "motion", ("point", "direction"), EXACT, "pose", shown=False
+    )
+    error = Quantity(
+        "finite-element minus commanded displacement", "motion", POINT, COARSER, "pose", shown=False
+    )
+    force = Quantity(
+        "load of the model on the platform", "wrench", POINT, SOLVED, "wrench", shown=False
+    )
+    rotation = Quantity(
+        "imposed rotation", "rad", ("curve", "point", "joint"), SOLVED, "axis", shown=False
+    )
+    stroke = Quantity(
+        "imposed stroke", "mm", ("curve", "point", "joint"), SOLVED, "axis", shown=False
+    )
+    stiffness = Quantity(
+        "analytic stiffness", "stiffness matrix", MATRIX, EXACT, "matrix", shown=False
+    )
+    compliance = Quantity(
+        "compliance of finite elements", "compliance matrix", MATRIX, FRESH, "matrix", shown=False
+    )
     on_meshes = Quantity(
-        "error on each mesh, coarse to fine", "percents", ("curve", "mesh", "direction"),
-        Gate(COARSER.relative, absolute=100 * COARSER.relative), shown=False,
-    )  # fmt: skip
+        "error on each mesh, coarse to fine",
+        "percents",
+        ("curve", "mesh", "direction"),
+        Gate(COARSER.relative, absolute=100 * COARSER.relative),
+        shown=False,
+    )
     layer_band = Quantity(
-        "part of the error band due to the layers", "percents", ("curve", "direction"), Gate(0.05), shown=False
+        "part of the error band due to the layers",
+        "percents",
+        ("curve", "direction"),
+        Gate(0.05),
+        shown=False,
     )
     name = property(lambda self: self.about.name, doc="Name of the case.")
-    assumed = property(lambda self: list(self.about.assumed), doc="Key paths of numbers that are assumed.")
-    not_stated = property(lambda self: list(self.about.not_stated), doc="Key paths of numbers without a stated source.")
-    case = property(lambda self: Path(self.about.file).stem, doc="Name of the case file without its ending.")
+    assumed = property(
+        lambda self: list(self.about.assumed), doc="Key paths of numbers that are assumed."
+    )
+    not_stated = property(
+        lambda self: list(self.about.not_stated),
+        doc="Key paths of numbers without a stated source.",
+    )
+    case = property(
+        lambda self: Path(self.about.file).stem, doc="Name of the case file without its ending."
+    )
     direction = property(lambda self: self.settings["direction"], doc="Direction of the command.")
     analysis = property(lambda self: self.settings["analysis"], doc="Linear or nonlinear.")
     drive = property(lambda self: self.settings["drive"], doc="Input of the finite elements.")
     elements = property(lambda self: self.settings["model"], doc="Kind of finite elements.")
     curves = property(lambda self: self.axes["curve"], doc="Labels of the curves.")
-    commanded = property(lambda self: self.command[:, DIRECTIONS.index(self.direction)], doc="Commands (n,), mm, rad.")
+    commanded = property(
+        lambda self: self.command[:, DIRECTIONS.index(self.direction)],
+        doc="Commands (n,), mm, rad.",
+    )
 
     @property
     def models(self) -> dict[str, CurveModels]:
@@ -160,29 +237,44 @@ class Verification(Result):
         return {label: CurveModels(**stored) for label, stored in self.settings["curves"].items()}
 
     def write(self, path: Path) -> Path:
-        """Write the result as JSON and its fields as .npz in the same folder; return the path of the JSON file."""
+        """Write the result as JSON and its fields as .npz in the same folder; return the path of
+        the JSON file.
+        """
         if self.fields is not None:
             numbered = enumerate(self.fields[label]._asdict() for label in self.curves)
-            arrays = {f"{k}.{key}": value for k, fields in numbered for key, value in fields.items()}
+            arrays = {
+                f"{k}.{key}": value for k, fields in numbered for key, value in fields.items()
+            }
             self.settings["stored"] = {"fields": digest_of_arrays(arrays)}
             npz = path.with_suffix(".npz")
-            write_atomically(npz, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+            write_atomically(
+                npz, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
+            )
         return super().write(path)
 
     def read_fields(self, path: str | os.PathLike[str]) -> dict[str, Fields]:
-        """Read the fields stored with this result. Raises BadInput if they are missing or of another result."""
+        """Read the fields stored with this result. Raises BadInput if they are missing or of
+        another result.
+        """
         npz = Path(path).with_suffix(".npz")
         arrays = read_arrays(npz, f"the fields of {path}")
         if digest_of_arrays(arrays) != self.settings.get("stored", {}).get("fields"):
-            raise BadInput(f"{npz}: not the fields that were stored with {path}; run flexfem verify again")
+            raise BadInput(
+                f"{npz}: not the fields that were stored with {path}; run flexfem verify again"
+            )
         numbered = enumerate(self.curves)
-        return {label: Fields(*(arrays[f"{k}.{key}"] for key in Fields._fields)) for k, label in numbered}
+        return {
+            label: Fields(*(arrays[f"{k}.{key}"] for key in Fields._fields))
+            for k, label in numbered
+        }
 
 
 class CurveElements(NamedTuple):
-    """Finite elements of a curve: displacement error and force (points, 3); pose (3,), stress, fields at full command.
+    """Finite elements of a curve: displacement error and force (points, 3); pose (3,), stress,
+    fields at full command.
 
-    bands : of the three percentages; of_layers (3,) is the share of the layers.   compliance : (3, 3), of the platform.
+    bands : of the three percentages; of_layers (3,) is the share of the layers.   compliance : (3,
+    3), of the platform.
     peak_band : half-width of the highest neck stress per displacement, nan if there is one mesh.
     joints, imposed : names (m,), and imposed rotations or strokes (points, m).
     """
@@ -211,17 +303,19 @@ def verification(
     reading: Reading = NO_READING,
     progress: Progress | None = None,
 ) -> list[Result]:
-    """Compute the positioning error of the analytic model of cases or mechanisms by finite elements.
+    """Compute the positioning error of the analytic model of cases or mechanisms by finite
+    elements.
 
     Parameters
     ----------
     *cases : Path
-        Case files, see flexfem schema case, or mechanism files or drawings: their errors for commands in x, y and
-        theta.
+        Case files, see flexfem schema case, or mechanism files or drawings: their errors for
+        commands in x, y and theta.
     output : Path, optional
         Folder for the results; `flexfem plot` draws those of cases. In Python, None stores none.
     solid : bool
-        Compare mechanisms with finite elements of the whole plate in three dimensions; a case states this itself.
+        Compare mechanisms with finite elements of the whole plate in three dimensions; a case
+        states this itself.
     reading : Reading
         Of drawings: thickness, material, ground, output and so on.
     {shared}
@@ -230,20 +324,27 @@ def verification(
     folder = None if output is None else checked_path(output)
     if folder is not None:
         check_folder(folder)
-    load, seen = cache(load_feasible), dict[str, Path]()
+    load = cache(load_feasible)
+    seen = dict[str, Path]()
     loaded = list[LoadedCase | Mechanism]()
     for path in map(checked_path, cases):  # read all cases before the first computation
         loaded.append(_loaded(path, reading, load))
         if solid and not isinstance(loaded[-1], Mechanism):
-            raise BadInput(f'{path}: solid is for mechanisms, expected model = "three_dimensional" in a case')
+            raise BadInput(
+                f'{path}: solid is for mechanisms, expected model = "three_dimensional" in a case'
+            )
         if (other := seen.setdefault(path.stem, path)) != path:
-            raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
+            raise BadInput(
+                f"{path}: its results would overwrite those of {other}, expected another name"
+            )
         if folder is not None:
             check_name(folder / f"{path.stem}.json")
             check_name(folder / f"{path.stem}.npz")
     results = list[Result]()
     for path, case in zip(seen.values(), loaded, strict=True):
-        results.append(plates.verification(case, layers) if isinstance(case, Mechanism) else run_case(case))
+        results.append(
+            plates.verification(case, layers) if isinstance(case, Mechanism) else run_case(case)
+        )
         if folder is not None:
             results[-1].write(folder / f"{path.stem}.json")
         if progress is not None:
@@ -269,8 +370,13 @@ class CurveRun(NamedTuple):
 
 
 def run_case(loaded: LoadedCase) -> Verification:
-    """Run every curve of a case. Raises BadInput if a stage does not suit its formula, ComputationFailed."""
-    case, stages, models, runs = loaded.case, loaded.stages, dict[Curve, AnalyticResult](), list[CurveRun]()
+    """Run every curve of a case. Raises BadInput if a stage does not suit its formula,
+    ComputationFailed.
+    """
+    case = loaded.case
+    stages = loaded.stages
+    models = dict[Curve, AnalyticResult]()
+    runs = list[CurveRun]()
     for curve in case.curve:  # refused before the first finite elements
         with _named(loaded, curve):
             models[curve] = analyse(stages[curve.label], curve.mobility, curve.formula, curve.links)
@@ -278,7 +384,14 @@ def run_case(loaded: LoadedCase) -> Verification:
     solve = _solve_solid if case.model == "three_dimensional" else in_plane
     for curve, model in models.items():
         with _named(loaded, curve):
-            runs.append(CurveRun(curve, stages[curve.label], model, solve(stages[curve.label], curve, model, case)))
+            runs.append(
+                CurveRun(
+                    curve,
+                    stages[curve.label],
+                    model,
+                    solve(stages[curve.label], curve, model, case),
+                )
+            )
     joints = tuple(dict.fromkeys(name for run in runs for name in run.elements.joints))
     curves = {run.curve.label: _curve_models(case, run) for run in runs}
     labels = {
@@ -291,14 +404,18 @@ def run_case(loaded: LoadedCase) -> Verification:
     quantities = {run.curve.label: _quantities(case, run, joints) for run in runs}
     values, widths = stack_models(Verification, quantities, labels, "curve")
     own = assumptions([("case: ", case)])
-    settings = {key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")}
+    settings = {
+        key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")
+    }
     return Verification(
         About(
             case.name,
             str(loaded.path),
             digest({label: curve.hash for label, curve in curves.items()}),
             sorted({*own.assumed, *(key for curve in curves.values() for key in curve.assumed)}),
-            sorted({*own.not_stated, *(key for curve in curves.values() for key in curve.not_stated)}),
+            sorted(
+                {*own.not_stated, *(key for curve in curves.values() for key in curve.not_stated)}
+            ),
             runs[0].stage.chain.link_lengths[2],
         ),
         values | {"command": case.commands},
@@ -313,7 +430,9 @@ def run_case(loaded: LoadedCase) -> Verification:
 
 def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> ModelAnswer:
     """Return the quantities of one curve."""
-    model, fe, axis = run.model, run.elements, case.axis
+    model = run.model
+    fe = run.elements
+    axis = case.axis
     peak, peak_band = np.full((2, 2, 3, 3, 3), np.nan)
     if not fe.joints:
         peak[0, ..., axis] = model.stress[..., axis]
@@ -338,7 +457,9 @@ def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> ModelAnswer
         values |= {"force": fe.force, "load": fe.force[-1]}
     if case.model == "three_dimensional":
         values["layer_band"] = fe.of_layers
-    return ModelAnswer(values, {"percent": [convergence.band for convergence in fe.bands], "peak": peak_band})
+    return ModelAnswer(
+        values, {"percent": [convergence.band for convergence in fe.bands], "peak": peak_band}
+    )
 
 
 def _summary(label: str, curve: CurveModels) -> str:
@@ -352,7 +473,8 @@ def _summary(label: str, curve: CurveModels) -> str:
 
 def _curve_models(case: Case, run: CurveRun) -> CurveModels:
     """Return the description of a curve that is stored with its numbers."""
-    (curve, stage, model, elements), strokes = run, case.drive == "strokes"
+    curve, stage, model, elements = run
+    strokes = case.drive == "strokes"
     doubts = stage.drive_assumptions if strokes else stage
     return CurveModels(
         stage=stage.name,
@@ -376,16 +498,22 @@ def _curve_models(case: Case, run: CurveRun) -> CurveModels:
 
 
 def _warnings(case: Case, run: CurveRun) -> list[str]:
-    """Return the warnings on one curve: on its model, its stress and motion at full command, and its bands."""
+    """Return the warnings on one curve: on its model, its stress and motion at full command, and
+    its bands.
+    """
     curve, stage, model, elements = run
     where = f"curve {curve.label!r}"
     found = [f"{where}: {text}" for text in (*warnings.of_result(stage, model), *elements.warnings)]
-    highest, full = float(np.max(elements.neck_stress)), f"{where}, full command"
+    highest = float(np.max(elements.neck_stress))
+    full = f"{where}, full command"
     found += warnings.of_yield(highest, stage.material.yield_strength, full)
     if case.analysis == "linear":
         found += warnings.of_motion(stage, elements.pose, full)
     for direction, (values, verdict, *_, band) in zip(DIRECTIONS, elements.bands, strict=True):
-        text = f"{where}: the mesh band of the error in {direction}, {values[-1]:.4g} %, is ±{band:.2g} points"
+        text = (
+            f"{where}: the mesh band of the error in {direction}, {values[-1]:.4g} %, is "
+            f"±{band:.2g} points"
+        )
         if band > LARGE_BAND:
             found.append(f"{text}; a higher resolution reduces it")
         elif verdict not in SOUND and band > UNSETTLED:
@@ -400,16 +528,23 @@ def _named(loaded: LoadedCase, curve: Curve) -> Iterator[None]:
         yield
     except BadInput as error:
         index = loaded.case.curve.index(curve)
-        raise bad_key(loaded.path, ("curve", index), f"curve[{index}], {shown(curve.label)}: {error}") from None
+        raise bad_key(
+            loaded.path, ("curve", index), f"curve[{index}], {shown(curve.label)}: {error}"
+        ) from None
     except ComputationFailed as failure:
         raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
 def _solve_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> CurveElements:
-    """Solve three meshes under the force of a model; in a nonlinear case, under the force of exact equilibrium."""
-    steps, command, lever = levels(case.resolution), case.commands, stage.chain.link_lengths[2]
+    """Solve three meshes under the force of a model; in a nonlinear case, under the force of exact
+    equilibrium.
+    """
+    steps = levels(case.resolution)
+    command = case.commands
+    lever = stage.chain.link_lengths[2]
     meshes = [solved(stage, level) for level in steps]
-    finest, compliances = meshes[-1], np.array([mesh.compliance for mesh in meshes])
+    finest = meshes[-1]
+    compliances = np.array([mesh.compliance for mesh in meshes])
     force = command @ model.stiffness.T  # (18)
     pose = force @ finest.compliance.T
     if case.analysis == "nonlinear":
@@ -423,7 +558,9 @@ def _solve_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) 
         [(fe.mesh, fe.compliance @ full, np.tensordot(full, fe.fields, axes=1)) for fe in meshes],
         error=pose - command,
         force=force,
-        bands=bands.command_errors(np.array(steps), compliances, model.stiffness, case.direction, lever),
+        bands=bands.command_errors(
+            np.array(steps), compliances, model.stiffness, case.direction, lever
+        ),
         compliance=finest.compliance,
         unknowns=finest.unknowns,
     )
@@ -432,11 +569,19 @@ def _solve_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) 
 def _in_plane(
     stage: Stage, case: Case, at_full: Sequence[tuple[StageMesh, Array, Array]], **others: Any
 ) -> CurveElements:
-    """Collect plane finite elements; at_full: meshes, coarse to fine, with pose (3,) and displacement field."""
+    """Collect plane finite elements; at_full: meshes, coarse to fine, with pose (3,) and
+    displacement field.
+    """
     stresses = [plane_stress(stage, mesh, field) for mesh, _, field in at_full]
     steps = np.array(levels(case.resolution), dtype=float)
-    necks = [neck_maxima(stage, mesh, stress) for (mesh, *_), stress in zip(at_full, stresses, strict=True)]
-    peaks = [np.max(neck) / abs(pose[case.axis]) for (_, pose, _), neck in zip(at_full, necks, strict=True)]
+    necks = [
+        neck_maxima(stage, mesh, stress)
+        for (mesh, *_), stress in zip(at_full, stresses, strict=True)
+    ]
+    peaks = [
+        np.max(neck) / abs(pose[case.axis])
+        for (_, pose, _), neck in zip(at_full, necks, strict=True)
+    ]
     mesh, pose, field = at_full[-1]
     return CurveElements(
         pose=pose,
@@ -448,22 +593,30 @@ def _in_plane(
 
 
 def _solve_solid(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> CurveElements:
-    """Solve three-dimensional finite elements under the force of a model: mid-plane, and stress over the thickness.
+    """Solve three-dimensional finite elements under the force of a model: mid-plane, and stress
+    over the thickness.
 
-    The in-plane mesh error is assumed equal with one layer and with more. The error of the layers is bounded by
-    `RelativeError.of_readings` with the change from few layers to more, and is zero where symmetry leaves round-off.
-    """
-    response, K = bands.solve_solid(stage, case.resolution, case.layers), model.stiffness
-    bounds, lever = bands.solid_levels(stage, case.resolution, case.layers), stage.chain.link_lengths[2]
+    The in-plane mesh error is assumed equal with one layer and with more. The error of the layers
+    is bounded by `RelativeError.of_readings` with the change from few layers to more, and is zero
+    where symmetry leaves round-off."""
+    response = bands.solve_solid(stage, case.resolution, case.layers)
+    K = model.stiffness
+    bounds = bands.solid_levels(stage, case.resolution, case.layers)
+    lever = stage.chain.link_lengths[2]
     many = bounds.planes + (response.compliance - bounds.planes[-1])
-    steps, axis, command = np.array(levels(case.resolution)), case.axis, case.commands
+    steps = np.array(levels(case.resolution))
+    axis = case.axis
+    command = case.commands
     changes = bounds.of_layers.of_readings(bounds.many, K[:, axis], np.eye(3))
     few, more = (error_matrix(K, C, lever)[:, axis] for C in (bounds.few, bounds.many))
     zero = np.maximum(np.abs(few), np.abs(more)) <= bands.ROUND_OFF
     of_layers = np.where(zero, 0.0, bands.percentages(changes, 1.0, case.direction, lever))
     force = command @ K.T  # (18)
-    mesh, field = response.mesh, np.tensordot(force[-1], response.fields, axes=1)
-    highest = von_mises(nodal_stress(mesh, sheet_of(stage), field, layers=response.layers)).max(axis=1)
+    mesh = response.mesh
+    field = np.tensordot(force[-1], response.fields, axes=1)
+    highest = von_mises(nodal_stress(mesh, sheet_of(stage), field, layers=response.layers)).max(
+        axis=1
+    )
     errors = bands.command_errors(steps, many, K, case.direction, lever)
     return CurveElements(
         error=force @ response.compliance.T - command,
@@ -484,15 +637,24 @@ def _solve_solid(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> C
 
 def _solve_imposed(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> CurveElements:
     """Solve three meshes with the rotations or strokes that a model computes for the commands."""
-    joints, lever = imposed(stage, model, case.drive), stage.chain.link_lengths[2]
+    joints = imposed(stage, model, case.drive)
+    lever = stage.chain.link_lengths[2]
     hinges = commanded_hinges(model.mobility) if case.drive == "joints" else ()
     responses = [elements(stage, n, hinges) for n in levels(case.resolution)]
-    commands, at_full = np.outer(case.commanded, joints.per_command[:, case.axis]), []
+    commands = np.outer(case.commanded, joints.per_command[:, case.axis])
+    at_full = []
     for response in responses:
         driven = joints.on(response.compliance)
         force = driven.per_command @ commands[-1]
-        at_full.append((response.mesh, driven.C[:3, 3:] @ force, np.tensordot(force, response.fields[3:], axes=1)))
-    C, limits = np.array([response.compliance for response in responses]), list[str]()
+        at_full.append(
+            (
+                response.mesh,
+                driven.C[:3, 3:] @ force,
+                np.tensordot(force, response.fields[3:], axes=1),
+            )
+        )
+    C = np.array([response.compliance for response in responses])
+    limits = list[str]()
     if joints.model is not None:  # the limits at both ends of the commands
         for x in (commands[0], commands[-1]):
             limits += limit_warnings(joints.model, x, np.zeros(3), "least energy")

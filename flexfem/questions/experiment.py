@@ -1,4 +1,6 @@
-"""Simulation of the stiffness experiment of Section VI: readings, slopes with intervals, and Table II."""
+"""Simulation of the stiffness experiment of Section VI: readings, slopes with intervals, and Table
+II.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +16,31 @@ from flexfem.arrays import Array, inverse
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.fixture import Fixture, ForceSensor, Lvdt, Pushes, Run, fixture_of, measured_of, pushes_of
+from flexfem.questions.fixture import (
+    Fixture,
+    ForceSensor,
+    Lvdt,
+    Pushes,
+    Run,
+    fixture_of,
+    measured_of,
+    pushes_of,
+)
 from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, question, solved
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
 PAPER = Analytic(formula=DEFAULT_FORMULA)
-SOFTER = np.array([2.6, 2.6, 31.0])  # per cent in x, y, theta by which Section VI measures less than its model
-COUPLED = 1e-3  # relative difference of two stiffnesses above which a warning reports the coupling of directions
-NOT_THE_PAPERS = "The numbers of the paper's Table II are not available: no number here comes from it or confirms it."
+SOFTER = np.array(
+    [2.6, 2.6, 31.0]
+)  # per cent in x, y, theta by which Section VI measures less than its model
+# relative difference of two stiffnesses above which a warning reports the coupling of directions
+COUPLED = 1e-3
+NOT_THE_PAPERS = (
+    "The numbers of the paper's Table II are not available: no number here comes from it or "
+    "confirms it."
+)
 
 
 class Experiment(Result):
@@ -38,7 +55,9 @@ class Experiment(Result):
         "part": ("stage", "pole", "bar"),
     }
     figure = "experiment.experiment_figure"
-    slope = Quantity("slope of load over displacement", "stiffness", ("direction", "source"), COARSER)
+    slope = Quantity(
+        "slope of load over displacement", "stiffness", ("direction", "source"), COARSER
+    )
     deviation = Quantity("deviation from the model", "percent", ("direction", "against"), COARSER)
     share = Quantity("share of the displacement reading", "percent", ("direction", "part"), COARSER)
     low = Quantity("simulated slope, low end of interval", "stiffness", ("direction",), COARSER)
@@ -47,19 +66,36 @@ class Experiment(Result):
     spring = Quantity("series spring that causes this loss", "stiffness", ("direction",), COARSER)
     ratio = Quantity("spring over stage stiffness", "", ("direction",), COARSER)
     pole = Quantity("stiffness of the pole", "stiffness", ("direction",), SOLVED)
-    noiseless = Quantity("slope without noise and steps", "stiffness", ("direction",), COARSER, shown=False)
-    intercept = Quantity("load at zero displacement", "wrench", ("direction",), COARSER, "all", shown=False)
-    explained = Quantity("stiffness before the loss", "stiffness", ("direction",), COARSER, shown=False)
-    measured_sd = Quantity("standard deviation of the measured slope", "stiffness", ("direction",), shown=False)
+    noiseless = Quantity(
+        "slope without noise and steps", "stiffness", ("direction",), COARSER, shown=False
+    )
+    intercept = Quantity(
+        "load at zero displacement", "wrench", ("direction",), COARSER, "all", shown=False
+    )
+    explained = Quantity(
+        "stiffness before the loss", "stiffness", ("direction",), COARSER, shown=False
+    )
+    measured_sd = Quantity(
+        "standard deviation of the measured slope", "stiffness", ("direction",), shown=False
+    )
     stroke = Quantity("commanded stroke", "mm", ("increment",), shown=False)
-    load = Quantity("load read", "wrench", ("direction", "repeat", "increment"), COARSER, "all", shown=False)
+    load = Quantity(
+        "load read", "wrench", ("direction", "repeat", "increment"), COARSER, "all", shown=False
+    )
     displacement = Quantity(
-        "displacement read", "motion", ("direction", "repeat", "increment"), COARSER, "all", shown=False
+        "displacement read",
+        "motion",
+        ("direction", "repeat", "increment"),
+        COARSER,
+        "all",
+        shown=False,
     )
 
 
 class Slope(NamedTuple):
-    """Slope, its confidence interval (nan if the readings give no bounded one), and force at zero displacement."""
+    """Slope, its confidence interval (nan if the readings give no bounded one), and force at zero
+    displacement.
+    """
 
     slope: float
     low: float
@@ -68,25 +104,34 @@ class Slope(NamedTuple):
 
 
 def slope_of(command: Array, force: Array, displacement: Array, confidence: float) -> Slope:
-    """Return the slope of force (n,) over displacement (n,), both with errors, at known commands (n,), in any units.
+    """Return the slope of force (n,) over displacement (n,), both with errors, at known commands
+    (n,), in any units.
 
     Notes
     -----
-    A regression of one reading on the other is biased by the errors of the latter. The command is free of errors and
-    serves as instrumental variable: K is the ratio of the slopes of both readings over the command, `K = b_F / b_q`.
-    The interval is Fieller's: all K for which the slope of `F - K q` over the command does not differ from zero by
-    Student's t with n - 2 degrees of freedom, `(b_F - K b_q)^2 <= t^2 (S_FF - 2 K S_Fq + K^2 S_qq) / ((n - 2) S_ss)`,
-    where S are sums of squares and products of the residuals of both regressions. It is exact for normal errors of
-    unknown variances that are independent between commands. E. C. Fieller, J. Roy. Statist. Soc. B 16, 175-185 (1954).
-    """
-    s, readings, dof = command - np.mean(command), np.stack([force, displacement]), len(command) - 2
+    A regression of one reading on the other is biased by the errors of the latter. The command is
+    free of errors and serves as instrumental variable: K is the ratio of the slopes of both
+    readings over the command, `K = b_F / b_q`. The interval is Fieller's: all K for which the slope
+    of `F - K q` over the command does not differ from zero by Student's t with n - 2 degrees of
+    freedom, `(b_F - K b_q)^2 <= t^2 (S_FF - 2 K S_Fq + K^2 S_qq) / ((n - 2) S_ss)`, where S are
+    sums of squares and products of the residuals of both regressions. It is exact for normal errors
+    of unknown variances that are independent between commands. E. C. Fieller, J. Roy. Statist. Soc.
+    B 16, 175-185 (1954)."""
+    s = command - np.mean(command)
+    readings = np.stack([force, displacement])
+    dof = len(command) - 2
     b = readings @ s / (s @ s)
     residuals = readings - np.mean(readings, axis=1, keepdims=True) - np.outer(b, s)
     S = stats.t.ppf((1 + confidence) / 2, dof) ** 2 / (dof * (s @ s)) * residuals @ residuals.T
-    a, half, c = b[1] ** 2 - S[1, 1], b[0] * b[1] - S[0, 1], b[0] ** 2 - S[0, 0]
-    slope, root = float(b[0] / b[1]) if b[1] else np.nan, np.sqrt(max(half**2 - a * c, 0.0))
+    a = b[1] ** 2 - S[1, 1]
+    half = b[0] * b[1] - S[0, 1]
+    c = b[0] ** 2 - S[0, 0]
+    slope = float(b[0] / b[1]) if b[1] else np.nan
+    root = np.sqrt(max(half**2 - a * c, 0.0))
     low, high = ((half - root) / a, (half + root) / a) if a > 0 else (np.nan, np.nan)
-    return Slope(slope, float(low), float(high), float(np.mean(force) - slope * np.mean(displacement)))
+    return Slope(
+        slope, float(low), float(high), float(np.mean(force) - slope * np.mean(displacement))
+    )
 
 
 @question
@@ -100,7 +145,8 @@ def experiment(
     resolution: int | None = None,
     progress: Progress | None = None,
 ) -> Experiment:
-    """Simulate the stiffness experiment of Section VI: readings, slopes with intervals (Figure 11), and Table II.
+    """Simulate the stiffness experiment of Section VI: readings, slopes with intervals (Figure 11),
+    and Table II.
 
     Parameters
     ----------
@@ -109,7 +155,8 @@ def experiment(
     measured : path, optional
         File of measured slopes to compare; by default those of the fixture, if any.
     models : {"both", "analytic", "elements"}
-        "analytic" uses calibrated hinges and elastic links instead of finite elements for the loaded stage.
+        "analytic" uses calibrated hinges and elastic links instead of finite elements for the
+        loaded stage.
     analytic : Analytic
         The model of the first column of the table; by default that of the paper.
     resolution : int, optional
@@ -126,25 +173,38 @@ def experiment(
     """
     check_feasible(stage)
     mesh = mesh_of(stage, models, resolution, None, least=2)
-    set_up, others = fixture_of(fixture), {} if measured is None else {"measured": measured_of(measured)}
+    set_up = fixture_of(fixture)
+    others = {} if measured is None else {"measured": measured_of(measured)}
     warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
     paper = analyse(stage, analytic.mobility, analytic.formula or DEFAULT_FORMULA, analytic.links)
     if mesh is None:
-        best = analyse(*best_model(stage, warnings)._replace(stage=stage))  # of one plane with finite elements
-        name, C = best.name, best.compliance
+        best = analyse(
+            *best_model(stage, warnings)._replace(stage=stage)
+        )  # of one plane with finite elements
+        name = best.name
+        C = best.compliance
     else:
-        name, C = f"finite elements, {PLANES[stage.model]}", solved(stage, mesh.resolution).compliance
+        name = f"finite elements, {PLANES[stage.model]}"
+        C = solved(stage, mesh.resolution).compliance
         if progress is not None:
             progress("the stage is solved")
-    pushes, run = pushes_of(set_up), set_up.run
+    pushes = pushes_of(set_up)
+    run = set_up.run
     load, displacement = simulated(pushes, C, set_up)
-    lines = [_fitted_slope(run, *readings) for readings in zip(load, displacement, DIRECTIONS, strict=True)]
+    lines = [
+        _fitted_slope(run, *readings)
+        for readings in zip(load, displacement, DIRECTIONS, strict=True)
+    ]
     fitted, low, high, intercept = np.transpose(lines)
     measurement = others.get("measured", set_up).measured
     slopes, measured_sd = np.full((2, 3), np.nan) if measurement is None else measurement.slopes
-    modelled, actual, shares = 1 / np.diag(paper.compliance), 1 / np.diag(C), np.array(pushes.shares(C))
+    modelled = 1 / np.diag(paper.compliance)
+    actual = 1 / np.diag(C)
+    shares = np.array(pushes.shares(C))
     total = np.sum(shares, axis=0)
-    reference, apparent = (1 / shares[0], slopes) if measurement else (modelled, modelled * (1 - SOFTER / 100))
+    reference, apparent = (
+        (1 / shares[0], slopes) if measurement else (modelled, modelled * (1 - SOFTER / 100))
+    )
     spring = spring_in_series(reference, apparent)
     deviations = [actual / modelled, fitted / modelled, slopes / modelled, slopes / actual]
     confidence = f"{run.confidence_percent:g} %"
@@ -172,10 +232,17 @@ def experiment(
             "repeat": [str(k + 1) for k in range(run.repeats)],
             "increment": [str(k) for k in range(run.increments + 1)],
         },
-        settings={"fixture": set_up.name, "model": paper.name, "stage": name, "confidence": confidence} | meshed(mesh),
+        settings={
+            "fixture": set_up.name,
+            "model": paper.name,
+            "stage": name,
+            "confidence": confidence,
+        }
+        | meshed(mesh),
         warnings=warnings + _warnings(stage, set_up, pushes, C),
         notes=[
-            f"loss of stiffness: from {'the text of the paper' if measurement is None else 'the measured slopes'}",
+            "loss of stiffness: from "
+            f"{'the text of the paper' if measurement is None else 'the measured slopes'}",
             f"intervals of {confidence} by Fieller's theorem",
             NOT_THE_PAPERS,
         ],
@@ -183,69 +250,90 @@ def experiment(
 
 
 def spring_in_series(stage: ArrayLike, apparent: ArrayLike) -> Array:
-    """Return K_f in `1/apparent = 1/stage + 1/K_f`, nan unless the apparent stiffness is below that of the stage."""
+    """Return K_f in `1/apparent = 1/stage + 1/K_f`, nan unless the apparent stiffness is below that
+    of the stage.
+    """
     with np.errstate(divide="ignore"):
         spring = 1 / (1 / np.asarray(apparent) - 1 / np.asarray(stage))
     return np.where(np.less(apparent, stage), spring, np.nan)
 
 
 def simulated(pushes: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]:
-    """Return simulated readings (3, repeats, n) of load and displacement on a stage of compliance C (3, 3)."""
-    run, rng = fixture.run, np.random.default_rng(fixture.run.seed)
+    """Return simulated readings (3, repeats, n) of load and displacement on a stage of compliance C
+    (3, 3).
+    """
+    run = fixture.run
+    rng = np.random.default_rng(fixture.run.seed)
 
     def read(values: Array, sensor: ForceSensor | Lvdt) -> Array:
-        """Return the readings (k, repeats, n) of values (k, n), with the noise of the sensor, rounded to its steps."""
-        noisy = values[:, None] + sensor.noise * rng.normal(size=(len(values), run.repeats, values.shape[1]))
+        """Return the readings (k, repeats, n) of values (k, n), with the noise of the sensor,
+        rounded to its steps.
+        """
+        noisy = values[:, None] + sensor.noise * rng.normal(
+            size=(len(values), run.repeats, values.shape[1])
+        )
         step = sensor.resolution
         return np.asarray(step * np.round(noisy / step)) if step > 0 else noisy
 
     force = pushes.force(C, run.strokes)
     loads = pushes.arm[:, None, None] * read(force, fixture.sensor)
-    displacements = read((pushes.stage(C) + pushes.pole + pushes.bar)[:, None] * force[pushes.push], fixture.lvdt)
+    displacements = read(
+        (pushes.stage(C) + pushes.pole + pushes.bar)[:, None] * force[pushes.push], fixture.lvdt
+    )
     return loads, np.moveaxis(pushes.read(np.moveaxis(displacements, 0, -1)), -1, 0)
 
 
 def _fitted_slope(run: Run, load: Array, displacement: Array, axis: str) -> Slope:
-    """Return the slope of the readings (repeats, n) in a direction. Raises ComputationFailed if it may be zero."""
+    """Return the slope of the readings (repeats, n) in a direction. Raises ComputationFailed if it
+    may be zero.
+    """
     for quantity, values in (("load", load), ("displacement", displacement)):
         if np.ptp(values) == 0:  # all readings are below half a step of the sensor
-            raise ComputationFailed(f"the {quantity} reading in {axis} does not change with the stroke")
+            raise ComputationFailed(
+                f"the {quantity} reading in {axis} does not change with the stroke"
+            )
     command = np.tile(run.strokes, run.repeats)
     found = slope_of(command, load.ravel(), displacement.ravel(), run.confidence_percent / 100)
     bounded = not np.isnan(found.low)
     if not (found.low if bounded else found.slope) > 0:
         ends = f" ({found.low:.3g} to {found.high:.3g})" if bounded else ""
         raise ComputationFailed(
-            f"the slope in {axis}, {found.slope:.3g}{ends}, cannot be distinguished from zero: expected a stiffer pole "
-            "and bar, less noise of lvdt and sensor, or more increments and repeats"
+            f"the slope in {axis}, {found.slope:.3g}{ends}, cannot be distinguished from zero: "
+            "expected a stiffer pole and bar, less noise of lvdt and sensor, or more increments "
+            "and repeats"
         )
     return found
 
 
 def _warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> list[str]:
-    """Warn of sensor steps, of loads beyond the range or strength of the stage, and of slopes that are not K_ii."""
+    """Warn of sensor steps, of loads beyond the range or strength of the stage, and of slopes that
+    are not K_ii.
+    """
     best = analyse(*(chosen := best_model(stage, [])))
     messages = [
-        f"{key}.noise_{unit} is below half of {key}.resolution_{unit}: sensor steps dominate the errors, and the "
-        "intervals, which assume normal and independent errors, may be wrong"
+        f"{key}.noise_{unit} is below half of {key}.resolution_{unit}: sensor steps dominate the "
+        "errors, and the intervals, which assume normal and independent errors, may be wrong"
         for key, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n"))
         if sensor.noise < sensor.resolution / 2
     ]
     largest = pushes.load * pushes.force(C, fixture.run.strokes[-1:])
     for axis, pose in zip(DIRECTIONS, largest @ C.T, strict=True):
-        where, highest = f"the largest force in {axis}", float(np.max(best.neck_stress(chosen.stage, pose)))
+        where = f"the largest force in {axis}"
+        highest = float(np.max(best.neck_stress(chosen.stage, pose)))
         messages += warning.of_motion(stage, pose, where)
         messages += warning.of_yield(highest, stage.material.yield_strength, where)
-    K, free, on_rigid_fixture = np.diag(inverse(C)), 1 / np.diag(C), 1 / pushes.shares(C)[0]
+    K = np.diag(inverse(C))
+    free = 1 / np.diag(C)
+    on_rigid_fixture = 1 / pushes.shares(C)[0]
     messages += [
-        f"a force in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the diagonal term "
-        f"of the stiffness, {K[k]:.5g}"
+        f"a force in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, "
+        f"not the diagonal term of the stiffness, {K[k]:.5g}"
         for k, axis in enumerate(DIRECTIONS)
         if abs(K[k] / free[k] - 1) > COUPLED
     ]
     return messages + [
-        f"a force in {axis} also loads other directions, by its arm or the pole's offset: on a rigid fixture the slope "
-        f"is {on_rigid_fixture[k]:.5g}, and 1/C is {free[k]:.5g}"
+        f"a force in {axis} also loads other directions, by its arm or the pole's offset: on a "
+        f"rigid fixture the slope is {on_rigid_fixture[k]:.5g}, and 1/C is {free[k]:.5g}"
         for k, axis in enumerate(DIRECTIONS)
         if abs(on_rigid_fixture[k] / free[k] - 1) > COUPLED
     ]

@@ -1,9 +1,10 @@
-"""What finite displacements change in the answers of linear theory: motions, forces and hinge stress of a mechanism.
+"""What finite displacements change in the answers of linear theory: motions, forces and hinge
+stress of a mechanism.
 
-Beams with finite rotations show in milliseconds how far linear theory is off. Where this counts, plane finite elements
-with finite rotations give the change, on a coarse mesh whose error cancels from it, and beams with hinges in three
-dimensions against beams in plane stress give the effect of the thickness on it.
-"""
+Beams with finite rotations show in milliseconds how far linear theory is off. Where this counts,
+plane finite elements with finite rotations give the change, on a coarse mesh whose error cancels
+from it, and beams with hinges in three dimensions against beams in plane stress give the effect of
+the thickness on it."""
 
 from __future__ import annotations
 
@@ -22,14 +23,22 @@ from flexfem.files.tables import once
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import levels
-from flexfem.questions.plates import ElasticParts, model_of, parts_of, responses, solved, thickness_of
+from flexfem.questions.plates import (
+    ElasticParts,
+    model_of,
+    parts_of,
+    responses,
+    solved,
+    thickness_of,
+)
 from flexfem.questions.setup import Mesh, ModelAnswer
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
 HOLDS = 1e-4  # of the motion: linear theory holds if beams change it by less; the bands are wider
 STRESS_HOLDS = 1e-3  # the same of the highest stress, whose bands are from 1 %
-OF_THE_CHANGE = 0.05  # possible error of a change by finite displacement, from meshes and bodies in plane stress
+# possible error of a change by finite displacement, from meshes and bodies in plane stress
+OF_THE_CHANGE = 0.05
 OF_THE_THICKNESS = 0.25  # possible error of the effect of the thickness on it
 CLOSE = 1e-3  # of the openings: a smaller correction is linear
 MOST_CORRECTIONS = 3
@@ -39,10 +48,11 @@ WORTH_A_WARNING = 0.01  # of motion or stress, where no band contains the change
 class Change(NamedTuple):
     """Change of what linear theory states at a command.
 
-    models : of `ANALYTIC`, by beams, and of the finite elements; they have none where linear theory holds.
+    models : of `ANALYTIC`, by beams, and of the finite elements; they have none where linear theory
+    holds.
     error : possible error of that of finite elements.
-    motion, stress : change of the motion of the output, relative to its largest component, and of the highest stress.
-    """
+    motion, stress : change of the motion of the output, relative to its largest component, and of
+    the highest stress."""
 
     models: dict[str, Displaced]
     error: Displaced
@@ -52,8 +62,10 @@ class Change(NamedTuple):
 
 def by_strokes(layout: Layout, strokes: Array) -> Applied:
     """Return the command of strokes (a,) of the actuators, mm, without other loads."""
-    count, drives = len(layout.ports), layout.drive_ports
-    at_ports, springs = np.zeros(count), np.zeros(count)
+    count = len(layout.ports)
+    drives = layout.drive_ports
+    at_ports = np.zeros(count)
+    springs = np.zeros(count)
     at_ports[drives] = strokes
     springs[drives] = layout.drive.stiffness
     return Applied(np.zeros(count), at_ports, springs)
@@ -70,7 +82,8 @@ def by_loads(layout: Layout, loads: Array) -> Applied:
 def by_pose(layout: Layout, pose: Array) -> Applied:
     """Return the command that holds the output at a pose (3,), mm, mm and rad."""
     count = len(layout.ports)
-    at_ports, springs = np.zeros(count), np.zeros(count)
+    at_ports = np.zeros(count)
+    springs = np.zeros(count)
     at_ports[:3] = pose
     springs[:3] = np.inf
     return Applied(np.zeros(count), at_ports, springs)
@@ -89,7 +102,9 @@ def _change(mechanism: Mechanism, mesh: Mesh | None, *parts: tuple[float, ...]) 
     command = Applied(*map(np.array, parts))
     layout = mechanism.layout
     if not np.any(command.loads) and not np.any(command.strokes):
-        nothing = Displaced(np.zeros(len(layout.ports)), np.zeros(len(layout.ports)), np.zeros(len(layout.joints)))
+        nothing = Displaced(
+            np.zeros(len(layout.ports)), np.zeros(len(layout.ports)), np.zeros(len(layout.joints))
+        )
         return Change(dict.fromkeys((ANALYTIC, ELEMENTS, SOLID), nothing), nothing, 0.0, 0.0)
     if not layout.joints:
         assert mesh is not None
@@ -111,7 +126,9 @@ def _change(mechanism: Mechanism, mesh: Mesh | None, *parts: tuple[float, ...]) 
     return _related(models, error, before, layout)
 
 
-def _related(models: dict[str, Displaced], error: Displaced, before: Displaced, layout: Layout) -> Change:
+def _related(
+    models: dict[str, Displaced], error: Displaced, before: Displaced, layout: Layout
+) -> Change:
     """Return a change with its size relative to linear theory."""
     last = list(models.values())[-1]
     lengths = np.array([1.0, 1.0, layout.lever])
@@ -122,20 +139,32 @@ def _related(models: dict[str, Displaced], error: Displaced, before: Displaced, 
     return Change(models, error, motion, stress)
 
 
-def _of_beams(mechanism: Mechanism, parts: ElasticParts, command: Applied) -> tuple[Displaced, Displaced]:
-    """Return linear theory by beams with the hinges of parts, and its change. Raises ComputationFailed."""
+def _of_beams(
+    mechanism: Mechanism, parts: ElasticParts, command: Applied
+) -> tuple[Displaced, Displaced]:
+    """Return linear theory by beams with the hinges of parts, and its change. Raises
+    ComputationFailed.
+    """
     thickness = thickness_of(mechanism) if parts.hinges is not None else ()
     solid = bool(thickness) and parts is thickness[0].solid
-    plate = DrivenPlate(mechanism.layout, parts.hinges, thickness[0].stress_ratios if solid else None)
+    plate = DrivenPlate(
+        mechanism.layout, parts.hinges, thickness[0].stress_ratios if solid else None
+    )
     found = displaced_by(plate, command)
     if found is None:
-        raise ComputationFailed("the beams find no equilibrium there: the mechanism buckles, or snaps")
+        raise ComputationFailed(
+            "the beams find no equilibrium there: the mechanism buckles, or snaps"
+        )
     before = linear(plate, command)
     return before, found.plus(before, -1.0)
 
 
-def _of_elements(mechanism: Mechanism, mesh: Mesh, command: Applied, by_beams: Array) -> tuple[Displaced, Displaced]:
-    """Return linear theory by plane finite elements, and its change; that of the motions (k,) by beams is a start."""
+def _of_elements(
+    mechanism: Mechanism, mesh: Mesh, command: Applied, by_beams: Array
+) -> tuple[Displaced, Displaced]:
+    """Return linear theory by plane finite elements, and its change; that of the motions (k,) by
+    beams is a start.
+    """
     level = levels(mesh.resolution)[0]
     model = model_of(mechanism, level)
     response = responses(mechanism, solved(mechanism, level))
@@ -159,18 +188,24 @@ def _of_elements(mechanism: Mechanism, mesh: Mesh, command: Applied, by_beams: A
 
 
 def _engaged(model: PlateModel, command: Applied, driving: Index, openings: Array) -> Equilibria:
-    """Return equilibria of which the last has nearly the forces (a,) of the actuators, which hold their openings."""
+    """Return equilibria of which the last has nearly the forces (a,) of the actuators, which hold
+    their openings.
+    """
     targets = [openings]
     for _ in range(MOST_CORRECTIONS):
         found = driven(model, driving.tolist(), np.array(targets))
-        correction = _correction(found.load[-1], found.pose[-1], found.compliance[-1], command, driving)
+        correction = _correction(
+            found.load[-1], found.pose[-1], found.compliance[-1], command, driving
+        )
         if np.abs(correction).max() < CLOSE * np.abs(openings).max():
             break
         targets.append(targets[-1] + correction)
     return found
 
 
-def _correction(loads: Array, motions: Array, compliance: Array, command: Applied, driving: Index) -> Array:
+def _correction(
+    loads: Array, motions: Array, compliance: Array, command: Applied, driving: Index
+) -> Array:
     """Return the change (a,) of the openings until the actuators have the forces that hold them."""
     springs = command.springs[driving]
     tangent = np.linalg.inv(compliance[np.ix_(driving, driving)])
@@ -192,11 +227,16 @@ def by_weight(mechanism: Mechanism, acceleration: Array) -> Changes:
     ports, masses = weights(layout)
     plate = DrivenPlate(layout, ports=(*layout.ports, *ports))
     nothing = np.zeros(plate.ports)
-    loads = np.concatenate([np.zeros(len(layout.ports)), masses * np.resize(acceleration, len(masses))])
+    loads = np.concatenate(
+        [np.zeros(len(layout.ports)), masses * np.resize(acceleration, len(masses))]
+    )
     applied = Applied(loads, nothing, nothing)
-    before, found = linear(plate, applied), displaced_by(plate, applied)
+    before = linear(plate, applied)
+    found = displaced_by(plate, applied)
     if found is None:
-        return Changes([], "the beams find no equilibrium under the weight: the mechanism buckles, or snaps")
+        return Changes(
+            [], "the beams find no equilibrium under the weight: the mechanism buckles, or snaps"
+        )
     added = found.plus(before, -1.0)
     return Changes([_related({ANALYTIC: added}, added.error(1.0), before, layout)])
 
@@ -225,28 +265,47 @@ class Changes(NamedTuple):
         """The largest changes of motion and stress as a text."""
         motion = 100 * max(one.motion for one in self.each)
         stress = 100 * max((one.stress for one in self.each), key=abs)
-        return f"the motion of the output by up to {motion:.2g} % and the highest hinge stress by {stress:+.2g} %"
+        return (
+            f"the motion of the output by up to {motion:.2g} % and the highest hinge stress by "
+            f"{stress:+.2g} %"
+        )
 
     def notes(self, where: str, mesh: Mesh | None) -> list[str]:
-        """Say whether the numbers of finite elements are those at finite displacement, and by how much they differ."""
+        """Say whether the numbers of finite elements are those at finite displacement, and by how
+        much they differ.
+        """
         if mesh is None or not self.each:
             return []
         if all(set(one.models) == {ANALYTIC} for one in self.each):
-            return [f"{where}, linear theory holds: by beams, finite displacement changes {self.largest}"]
-        return [f"{where}, finite elements with finite rotations change {self.largest} from linear theory"]
+            return [
+                f"{where}, linear theory holds: by beams, finite displacement changes "
+                f"{self.largest}"
+            ]
+        return [
+            f"{where}, finite elements with finite rotations change {self.largest} from linear "
+            "theory"
+        ]
 
-    def warnings(self, where: str, mesh: Mesh | None, motion: float = 0.0, stress: float = 0.0) -> list[str]:
+    def warnings(
+        self, where: str, mesh: Mesh | None, motion: float = 0.0, stress: float = 0.0
+    ) -> list[str]:
         """Warn of numbers by linear theory that do not hold.
 
-        mesh : None if the numbers are those of linear theory.   motion, stress : relative bands that they have.
-        """
+        mesh : None if the numbers are those of linear theory.   motion, stress : relative bands
+        that they have."""
         if self.failure:
-            return [f"{where}, the numbers are those of linear theory, and may be far off: {self.failure}"]
+            return [
+                f"{where}, the numbers are those of linear theory, and may be far off: "
+                f"{self.failure}"
+            ]
         moved = max((one.motion for one in self.each), default=0.0) > (motion or WORTH_A_WARNING)
-        stressed = max((abs(one.stress) for one in self.each), default=0.0) > (stress or WORTH_A_WARNING)
+        stressed = max((abs(one.stress) for one in self.each), default=0.0) > (
+            stress or WORTH_A_WARNING
+        )
         if mesh is None and (moved or stressed):
             return [
-                f"{where}, the numbers are those of linear theory: by beams, finite displacement changes {self.largest}"
+                f"{where}, the numbers are those of linear theory: by beams, finite displacement "
+                f"changes {self.largest}"
             ]
         return []
 
@@ -260,7 +319,9 @@ def changes(mechanism: Mechanism, mesh: Mesh | None, commands: Sequence[Applied]
 
 
 def relative_bands(found: ModelAnswer, motion: str, stress: str) -> tuple[float, float]:
-    """Return the bands of two quantities of a model relative to their largest values; 0 without a band."""
+    """Return the bands of two quantities of a model relative to their largest values; 0 without a
+    band.
+    """
     widths = list[float]()
     for name in (motion, stress):
         largest = float(np.max(np.abs(found.values[name]), initial=0.0))

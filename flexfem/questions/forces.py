@@ -1,4 +1,6 @@
-"""Forces and moments inside a mechanism under a load: through hinges and stated sections, with strain and stress."""
+"""Forces and moments inside a mechanism under a load: through hinges and stated sections, with
+strain and stress.
+"""
 
 from __future__ import annotations
 
@@ -30,23 +32,31 @@ NEARLY_EQUAL = Gate(1.0, absolute=1e4)  # of a place: another one may have nearl
 
 
 class Forces(Result):
-    """Forces and moments through sections of a mechanism under a load, and its highest strains and stresses."""
+    """Forces and moments through sections of a mechanism under a load, and its highest strains and
+    stresses.
+    """
 
     title = "forces under the load"
     main = ("force", {})
     columns = ("resultant",)
     labels: ClassVar = {"resultant": RESULTANTS}
     reading = (
-        "through a hinge: on its end at its second body, along its axis (tension is positive), across it, and the "
-        "moment at its centre; the moment of a section at x along the axis is `moment - x shear`",
-        "through a section from a first to a second point: on the material at the left, along the normal to the right "
-        "(tension is positive), along the line, and the moment about its middle; by finite elements",
-        "strain: largest magnitude of a principal strain in the plane, where stress is stated; the place is that of "
-        "the strain",
+        "through a hinge: on its end at its second body, along its axis (tension is positive), "
+        "across it, and the moment at its centre; the moment of a section at x along the axis is "
+        "`moment - x shear`",
+        "through a section from a first to a second point: on the material at the left, along "
+        "the normal to the right (tension is positive), along the line, and the moment about its "
+        "middle; by finite elements",
+        "strain: largest magnitude of a principal strain in the plane, where stress is stated; "
+        "the place is that of the strain",
     )
     load = Quantity("stated loads", "wrench", ("point", "direction"))
     force = Quantity(
-        "force and moment through", ("n", "n", "n_mm"), ("section", "model", "resultant"), COARSER, "wrench"
+        "force and moment through",
+        ("n", "n", "n_mm"),
+        ("section", "model", "resultant"),
+        COARSER,
+        "wrench",
     )
     strain = Quantity("highest strain", "percent", ("part", "model"), STRESS, "all")
     strain_x = Quantity("at x", "mm", ("part", "model"), NEARLY_EQUAL)
@@ -68,14 +78,16 @@ def forces(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Forces:
-    """Force and moment through the hinges and stated sections of a mechanism under a load, and its highest strains.
+    """Force and moment through the hinges and stated sections of a mechanism under a load, and its
+    highest strains.
 
     Parameters
     ----------
     force : tuple of float, optional
         Load on the output: N, N, N mm.
     force_at : mapping of str to tuple of float, or sequence of str, optional
-        Loads at points by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M, repeated.
+        Loads at points by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M,
+        repeated.
     section : sequence of str or of four float, optional
         Sections of bodies, each by two points beside the body, mm: X1,Y1,X2,Y2, repeated.
     {shared}
@@ -88,14 +100,19 @@ def forces(
     5.0
     """
     if isinstance(stage, Stage):
-        raise BadInput(f"{stage.origin}: forces is for a mechanism, expected one; stiffness has the stress of necks")
+        raise BadInput(
+            f"{stage.origin}: forces is for a mechanism, expected one; stiffness has the stress "
+            "of necks"
+        )
     layout = stage.layout
     stated = required_load(layout, force, force_at)
     load = stated.on_ports
     ends = [_ends(layout, one) for one in _listed(section)]
     if ends and models == "analytic":
         raise BadInput("section with models 'analytic', expected models with finite elements")
-    mesh = plates.mesh_of(stage, models, resolution, setup.elements_through(solid, thickness_resolution))
+    mesh = plates.mesh_of(
+        stage, models, resolution, setup.elements_through(solid, thickness_resolution)
+    )
 
     def wrenches_of(parts: plates.ElasticParts) -> Array:
         return respond(layout, parts.bodies, hinges=parts.hinges).wrenches @ load
@@ -114,7 +131,10 @@ def forces(
         highest = strains.highest
         if thick is not None:
             wrenches = wrenches + thick.change(wrenches_of)
-            of_parts = [thick.strain_ratios(wrenches), np.full(len(response.bodies), thick.of_bodies)]
+            of_parts = [
+                thick.strain_ratios(wrenches),
+                np.full(len(response.bodies), thick.of_bodies),
+            ]
             highest = highest * np.concatenate(of_parts)
         by_loads = plates.elements(stage, resolution, layers, thick)
         assert by_loads.bodies is not None
@@ -135,11 +155,17 @@ def forces(
     }
     warnings = list[str]()
     if mesh is not None:
-        warnings += plates.left_out_corners(layout, plates.meshed(stage, levels(mesh.resolution)[0]))
-    return setup.answer(Forces, stage, found, mesh, {}, {"load": stated.at_points}, axes, warnings=warnings)
+        warnings += plates.left_out_corners(
+            layout, plates.meshed(stage, levels(mesh.resolution)[0])
+        )
+    return setup.answer(
+        Forces, stage, found, mesh, {}, {"load": stated.at_points}, axes, warnings=warnings
+    )
 
 
-def _listed(section: Sequence[str] | Sequence[Sequence[float]] | None) -> list[str | Sequence[float]]:
+def _listed(
+    section: Sequence[str] | Sequence[Sequence[float]] | None,
+) -> list[str | Sequence[float]]:
     """Return sections of which one may be stated alone."""
     return [section] if isinstance(section, str) else list(section or ())
 
@@ -150,7 +176,9 @@ def _named(pair: tuple[complex, complex]) -> str:
 
 
 def _ends(layout: Layout, stated: str | Sequence[float]) -> tuple[complex, complex]:
-    """Return the ends of a section, mm. Raises BadInput unless it crosses a part that moves, its ends outside."""
+    """Return the ends of a section, mm. Raises BadInput unless it crosses a part that moves, its
+    ends outside.
+    """
     numbers = list(stated.split(",")) if isinstance(stated, str) else list(map(str, stated))
     expected = "expected X1,Y1,X2,Y2: two different points, mm"
     try:
@@ -165,5 +193,8 @@ def _ends(layout: Layout, stated: str | Sequence[float]) -> tuple[complex, compl
         raise BadInput(f"section {printed(stated)}, expected a line across a body")
     for x, y in ((x1, y1), (x2, y2)):
         if inside.contains(shapely.Point(x, y)):
-            raise BadInput(f"section {printed(stated)}, expected both points beside the body, not ({x:g}, {y:g}) in it")
+            raise BadInput(
+                f"section {printed(stated)}, expected both points beside the body, not ({x:g}, "
+                f"{y:g}) in it"
+            )
     return complex(x1, y1), complex(x2, y2)

@@ -1,8 +1,9 @@
-"""A stage or mechanism under its own weight and a payload: displacement of the output and stress in the hinges.
+"""A stage or mechanism under its own weight and a payload: displacement of the output and stress in
+the hinges.
 
-The plate stands upright in the plane, gravity at an angle to x; in three dimensions it lies horizontally, gravity along
--z. The centre of mass of the payload of a stage is at the platform's centre, in the mid-plane.
-"""
+The plate stands upright in the plane, gravity at an angle to x; in three dimensions it lies
+horizontally, gravity along -z. The centre of mass of the payload of a stage is at the platform's
+centre, in the mid-plane."""
 
 from __future__ import annotations
 
@@ -39,7 +40,9 @@ HEAVIEST = 1e4  # kg
 
 
 class Gravity(Result):
-    """Displacement and hinge stress of a plate under its own weight and that of its payload and actuators."""
+    """Displacement and hinge stress of a plate under its own weight and that of its payload and
+    actuators.
+    """
 
     title = "displacement under weight"
     main = ("pose", {})
@@ -47,9 +50,12 @@ class Gravity(Result):
     columns = ("direction", "out of plane")
     pose = Quantity("displacement", "motion", ("model", "point", "direction"), FRESH, "pose")
     sag = Quantity(
-        "displacement out of the plane of a horizontal plate", ("mm", "rad", "rad"), ("model", "out of plane"), FRESH,
+        "displacement out of the plane of a horizontal plate",
+        ("mm", "rad", "rad"),
+        ("model", "out of plane"),
+        FRESH,
         "all",
-    )  # fmt: skip
+    )
     stress = Quantity("highest hinge stress", "mpa", ("model", "chain", "hinge"), STRESS, "all")
     mass = Quantity("mass, including pads, hub and payload", "kg", only="stage")
 
@@ -72,7 +78,8 @@ def gravity(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Gravity:
-    """Displacement and hinge stress of a stage or mechanism under its own weight and that of a payload.
+    """Displacement and hinge stress of a stage or mechanism under its own weight and that of a
+    payload.
 
     Parameters
     ----------
@@ -81,8 +88,8 @@ def gravity(
     payload : float
         Mass of a payload at the centre of the platform, kg.
     solid : bool
-        The whole plate by finite elements in three dimensions. The plate is horizontal; a mechanism is also
-        computed with an upright plate.
+        The whole plate by finite elements in three dimensions. The plate is horizontal; a mechanism
+        is also computed with an upright plate.
     {shared}
 
     Examples
@@ -97,9 +104,13 @@ def gravity(
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     g = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
     settings: dict[str, Any] = {"gravity": f"at {angle:g} degrees"}
-    warnings, values, load = list[str](), dict[str, Any](), Payload()
+    warnings = list[str]()
+    values = dict[str, Any]()
+    load = Payload()
     if isinstance(stage, Stage):
-        load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
+        load = Payload(
+            arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor
+        )
         warnings += [*warning.of_stage(stage), *warning.of_payload(stage, load.mass)]
         models = "elements" if layers else models
         chosen = analytic.chosen(stage, warnings, models)
@@ -133,8 +144,12 @@ def gravity(
             return _of_stage(stage, load, g, resolution, layers)
         motions, stress = weighed_on(resolution, layers)
         if thick is not None:
-            motions = motions + thick.change(lambda parts: weighed(stage.layout, g[None], *parts)[0])
-            stress = stress * thick.stress_ratios(weighed(stage.layout, g[None], *thick.solid)[1][..., 0])
+            motions = motions + thick.change(
+                lambda parts: weighed(stage.layout, g[None], *parts)[0]
+            )
+            stress = stress * thick.stress_ratios(
+                weighed(stage.layout, g[None], *thick.solid)[1][..., 0]
+            )
         points = 3 * len(stage.layout.points)
         values = {"pose": motions[:points].reshape(-1, 3), "stress": stress}
         if layers:
@@ -145,9 +160,14 @@ def gravity(
     def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
         if isinstance(stage, Mechanism):
             return plates.value_bands(sizes, each, ends)
-        lever, name = setup.lever_of(stage), "sag" if ends else "pose"
-        poses, few_and_many = (np.array([one[name] for one in part])[..., None] for part in (each, ends))
-        band = pose_bands(sizes, poses, np.array([1.0, lever if ends else 1.0, lever]), few_and_many)[:, 0]
+        lever = setup.lever_of(stage)
+        name = "sag" if ends else "pose"
+        poses, few_and_many = (
+            np.array([one[name] for one in part])[..., None] for part in (each, ends)
+        )
+        band = pose_bands(
+            sizes, poses, np.array([1.0, lever if ends else 1.0, lever]), few_and_many
+        )[:, 0]
         stresses = np.array([one["stress"] for one in each])
         return {name: band} | ({} if ends else {"stress": highest_band(sizes, stresses)})
 
@@ -160,13 +180,22 @@ def gravity(
 
 
 def _of_stage(stage: Stage, load: Payload, g: Array, level: int, layers: int) -> Values:
-    """Return the values of a stage on one mesh: upright in an acceleration (2,), mm/s^2, or with layers horizontal."""
-    mesh, solid = plates.meshed(stage, level), layers > 0
+    """Return the values of a stage on one mesh: upright in an acceleration (2,), mm/s^2, or with
+    layers horizontal.
+    """
+    mesh = plates.meshed(stage, level)
+    solid = layers > 0
     in_depth = layers_of(stage, layers, antisymmetric=True) if solid else None
     plate = sheet_of(stage) if solid else plate_of(stage)
     whole = structure(mesh, plate, in_depth)
-    mass = mass_of(whole, stage.material.density * DENSITY, (carried_out_of_plane if solid else carried)(stage, load))
+    mass = mass_of(
+        whole,
+        stage.material.density * DENSITY,
+        (carried_out_of_plane if solid else carried)(stage, load),
+    )
     response = factorised_whole(whole).weighed(mass, np.array([[-GRAVITY]]) if solid else g[None])
-    stress = von_mises(nodal_stress(mesh, plate, response.nodal[0], layers=in_depth), stage.layout.out_of_plane)
+    stress = von_mises(
+        nodal_stress(mesh, plate, response.nodal[0], layers=in_depth), stage.layout.out_of_plane
+    )
     highest = neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress)
     return {"sag" if solid else "pose": response.motions[:, 0], "stress": highest}

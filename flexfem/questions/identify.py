@@ -1,4 +1,6 @@
-"""Identify a neck offset and a soft fixture from measured slopes, and judge whether the data distinguish them."""
+"""Identify a neck offset and a soft fixture from measured slopes, and judge whether the data
+distinguish them.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +32,18 @@ from flexfem.units import MICROMETRE
 Unknown: TypeAlias = Literal["pole", "springs"]
 POOR = 0.01  # probability of chi square below which a fit is rejected
 SOFTEST = 10.0  # upper bound of the compliance of the fixture over that of the stage
-DEPENDENT = 1e4  # condition number of the normalized sensitivities above which data do not tell two numbers apart
-AT_END = 1e-6  # of the range of a number: distance below which a value counts as the end of the range
-GRID = 161  # number of offsets at which the compliance is computed; a spline interpolates between them
+# condition number of the normalized sensitivities above which data do not tell two numbers apart
+DEPENDENT = 1e4
+AT_END = (
+    1e-6  # of the range of a number: distance below which a value counts as the end of the range
+)
+GRID = (
+    161  # number of offsets at which the compliance is computed; a spline interpolates between them
+)
 FURTHEST = 0.5  # of the thinnest neck: largest offset
-DEPENDENT_NUMBERS = 0.98  # correlation at which a fifth of the effect of either number is independent of the other
+DEPENDENT_NUMBERS = (
+    0.98  # correlation at which a fifth of the effect of either number is independent of the other
+)
 RIGID = 1e-9  # of the stage's compliance: a fixture that adds less is rigid up to round-off
 MAP = 121  # points of the map of chi square along each axis
 FITTED = Gate(1e-5, absolute=1e-9)  # for results of iterations
@@ -44,9 +53,8 @@ CAUSES = ("neither", "necks alone", "fixture alone")
 class Identification(Result):
     """Offset of all necks and compliance of the fixture, fitted to measured slopes, with intervals.
 
-    The numbers of the fixture are, by label, `pole`: compliance of the pole over that of its description; or
-    `translation` and `rotation`: series compliances, mm/N and rad/(N mm).
-    """
+    The numbers of the fixture are, by label, `pole`: compliance of the pole over that of its
+    description; or `translation` and `rotation`: series compliances, mm/N and rad/(N mm)."""
 
     title = "neck offset and fixture from measured slopes"
     main = ("offset", {})
@@ -70,20 +78,28 @@ class Identification(Result):
     allowed = Quantity("allowed by the data (1 or 0)", "", ("cause",))
     cause_chi_square = Quantity("chi square of the best fit", "", ("cause",), FITTED)
     cause_offset = Quantity("offset of the necks", "um", ("cause",), FITTED)
-    cause_fixture = Quantity("parameter of the fixture", "", ("cause", "number"), FITTED, shown=False)
+    cause_fixture = Quantity(
+        "parameter of the fixture", "", ("cause", "number"), FITTED, shown=False
+    )
     region_offset = Quantity("offsets in the map", "um", ("map x",), FITTED, shown=False)
-    region_fixture = Quantity("parameters of the fixture in the map", "", ("map y",), FITTED, shown=False)
-    region_above = Quantity("chi square above its minimum", "", ("map x", "map y"), FITTED, "all", shown=False)
+    region_fixture = Quantity(
+        "parameters of the fixture in the map", "", ("map y",), FITTED, shown=False
+    )
+    region_above = Quantity(
+        "chi square above its minimum", "", ("map x", "map y"), FITTED, "all", shown=False
+    )
     region_limit = Quantity("joint limit of chi square", shown=False)
     finding = property(lambda self: self.notes[0], doc="Conclusion drawn from the data.")
 
 
 class SlopeProblem(NamedTuple):
-    """Measured slopes (m,), standard deviations, and their model in an offset, mm, and p numbers >= 0 of the fixture.
+    """Measured slopes (m,), standard deviations, and their model in an offset, mm, and p numbers >=
+    0 of the fixture.
 
-    axes : (m,), directions.   log_compliance : spline over the offset, of the compliance (m,) on a rigid fixture.
-    added : (m, p), compliance that the fixture adds per unit of each number.   bounds : (1 + p, 2), of all unknowns x.
-    """
+    axes : (m,), directions.   log_compliance : spline over the offset, of the compliance (m,) on a
+    rigid fixture.
+    added : (m, p), compliance that the fixture adds per unit of each number.   bounds : (1 + p, 2),
+    of all unknowns x."""
 
     axes: AnyArray
     slope: Array
@@ -94,7 +110,9 @@ class SlopeProblem(NamedTuple):
 
     def slopes(self, x: Array) -> Array:
         """Return modelled slopes (..., m) for unknowns x (..., 1 + p)."""
-        return np.asarray(1 / (np.exp(self.log_compliance(x[..., 0])) + x[..., 1:] @ self.added.T))  # in series
+        return np.asarray(
+            1 / (np.exp(self.log_compliance(x[..., 0])) + x[..., 1:] @ self.added.T)
+        )  # in series
 
     def residuals(self, x: Array) -> Array:
         """Return modelled less measured slopes over their standard deviations (..., m)."""
@@ -107,10 +125,14 @@ class SlopeProblem(NamedTuple):
     def gradient(self, x: Array) -> Array:
         """Return the derivatives (m, 1 + p) of `residuals` at unknowns x (1 + p,)."""
         offset = np.exp(self.log_compliance(x[0])) * self.log_compliance(x[0], 1)
-        return np.asarray(-(self.slopes(x) ** 2 / self.sd)[:, None] * np.column_stack([offset, self.added]))
+        return np.asarray(
+            -(self.slopes(x) ** 2 / self.sd)[:, None] * np.column_stack([offset, self.added])
+        )
 
     def fit(self, fixed: Mapping[int, float], near: Array | None = None) -> Array:
-        """Return the x of least chi square with some unknowns fixed, starting from `near` (1 + p,) if that is given."""
+        """Return the x of least chi square with some unknowns fixed, starting from `near` (1 + p,)
+        if that is given.
+        """
         free = [k for k in range(len(self.bounds)) if k not in fixed]
         constant = np.array([fixed.get(k, 0.0) for k in range(len(self.bounds))])
         if not free:
@@ -129,14 +151,25 @@ class SlopeProblem(NamedTuple):
         def jacobian(scaled: Array) -> Array:
             return np.asarray(self.gradient(whole(scaled))[:, free] * scale)
 
-        starts = [np.where(free, share, 0.0) for share in (0.02, 0.4)] if near is None else [near[free] / scale]
+        starts = (
+            [np.where(free, share, 0.0) for share in (0.02, 0.4)]
+            if near is None
+            else [near[free] / scale]
+        )
         exact: dict[str, float] = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
-        fits = [least_squares(residuals, np.clip(start, low, high), jacobian, (low, high), **exact) for start in starts]
+        fits = [
+            least_squares(residuals, np.clip(start, low, high), jacobian, (low, high), **exact)
+            for start in starts
+        ]
         return whole(min(fits, key=lambda result: float(result.cost)).x)
 
     def interval(self, best: Array, k: int, level: float) -> list[float]:
-        """Return the profile-likelihood interval of unknown k; infinite where it or the offset reaches its bounds."""
-        limit, ends, size = self.chi_square(best) + chi2.ppf(level, 1), list[float](), np.ptp(self.bounds, axis=1)
+        """Return the profile-likelihood interval of unknown k; infinite where it or the offset
+        reaches its bounds.
+        """
+        limit = self.chi_square(best) + chi2.ppf(level, 1)
+        ends = list[float]()
+        size = np.ptp(self.bounds, axis=1)
 
         def above(value: float) -> float:
             return float(self.chi_square(self.fit({k: value}, best)) - limit)
@@ -152,7 +185,9 @@ class SlopeProblem(NamedTuple):
         return ends
 
     def sensitivity(self, x: Array) -> tuple[int, float, float]:
-        """Return rank and condition number of the sensitivities, and the correlation of x[0] and x[1]; or nan."""
+        """Return rank and condition number of the sensitivities, and the correlation of x[0] and
+        x[1]; or nan.
+        """
         J = self.gradient(x)
         J = J / np.linalg.norm(J, axis=0)
         rank = int(np.linalg.matrix_rank(J, tol=1 / DEPENDENT))
@@ -163,19 +198,26 @@ class SlopeProblem(NamedTuple):
         return rank, float(np.linalg.cond(J)), float(correlation)
 
     def chi_square_map(self, marks: Array) -> tuple[Array, Array, Array]:
-        """Return offsets (n,), the fixture's first number (n,), and chi square (n, n) minimized over the others.
+        """Return offsets (n,), the fixture's first number (n,), and chi square (n, n) minimized
+        over the others.
 
-        marks : (k, 2), points that the map must contain, nan for none; zero offset on a rigid fixture is always added.
-        """
-        shown, ends = np.vstack([marks, np.zeros(2)]), self.bounds[:2]
-        low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
+        marks : (k, 2), points that the map must contain, nan for none; zero offset on a rigid
+        fixture is always added."""
+        shown = np.vstack([marks, np.zeros(2)])
+        ends = self.bounds[:2]
+        low = np.nanmin(shown, axis=0)
+        high = np.nanmax(shown, axis=0)
         margin = 0.3 * (high - low)
-        low, high = np.clip(low - margin, *ends.T), np.clip(high + margin, *ends.T)
+        low = np.clip(low - margin, *ends.T)
+        high = np.clip(high + margin, *ends.T)
         high = np.where(high - low > AT_END * np.ptp(ends, axis=1), high, ends[:, 1])
         offsets, numbers = np.linspace(low, high, MAP).T
         x = np.zeros((MAP, MAP, len(self.bounds)))
-        x[..., 0], x[..., 1] = offsets[:, None], numbers
-        for column in range(2, len(self.bounds)):  # a spring of a single direction fits it exactly or vanishes
+        x[..., 0] = offsets[:, None]
+        x[..., 1] = numbers
+        for column in range(
+            2, len(self.bounds)
+        ):  # a spring of a single direction fits it exactly or vanishes
             row = int(np.argmax(self.added[:, column - 1]))
             missing = 1 / self.slope[row] - np.exp(self.log_compliance(offsets))[:, row]
             x[..., column] = np.maximum(missing / self.added[row, column - 1], 0.0)[:, None]
@@ -186,51 +228,69 @@ class SlopeProblem(NamedTuple):
 def identify(
     stage: Stage, measured: Path, *, unknown: Unknown | None = None, confidence: float = 95.0
 ) -> Identification:
-    """Fit an offset of all necks and a soft fixture to measured slopes, and judge whether the data distinguish them.
+    """Fit an offset of all necks and a soft fixture to measured slopes, and judge whether the data
+    distinguish them.
 
     Parameters
     ----------
     measured : path, Fixture or Measurement
         File of measured slopes with standard deviations, with the set-up or alone.
     unknown : {"pole", "springs"}, optional
-        Unknowns of the fixture: "pole" is the compliance of the pole, in bending and torsion, over the described one
-        (0: rigid); "springs" are two, one in x and y and one in rotation; by default the pole if one is described.
+        Unknowns of the fixture: "pole" is the compliance of the pole, in bending and torsion, over
+        the described one (0: rigid); "springs" are two, one in x and y and one in rotation; by
+        default the pole if one is described.
     confidence : float
         Confidence level of the intervals, per cent, from 50 to 99.9.
     {shared}
 
     Notes
     -----
-    Nonlinear least squares; chi square is the sum of squared deviations over the stated variances. Intervals are by
-    profile likelihood: all values for which chi square, minimized over the other unknowns, exceeds its minimum by no
-    more than the quantile of one degree of freedom. One cause alone is allowed if setting the other to zero raises chi
-    square by no more than the quantile of as many degrees of freedom as unknowns were set to zero.
-    """
+    Nonlinear least squares; chi square is the sum of squared deviations over the stated variances.
+    Intervals are by profile likelihood: all values for which chi square, minimized over the other
+    unknowns, exceeds its minimum by no more than the quantile of one degree of freedom. One cause
+    alone is allowed if setting the other to zero raises chi square by no more than the quantile of
+    as many degrees of freedom as unknowns were set to zero."""
     check_feasible(stage)
     level = arguments.between("confidence", confidence, 50.0, 99.9) / 100
-    source, warnings = measured_of(measured), list(warning.of_stage(stage))
+    source = measured_of(measured)
+    warnings = list(warning.of_stage(stage))
     place = source.name if isinstance(measured, Fixture | Measurement) else place_of(measured)
     problem, numbers, model = _problem(stage, source, place, unknown, warnings)
-    best, count = problem.fit({}), len(problem.bounds)
+    best = problem.fit({})
+    count = len(problem.bounds)
     low, high = np.transpose([problem.interval(best, k, level) for k in range(count)])
     zeroed = (range(count), range(1, count), range(1))  # unknowns set to zero, for each of `CAUSES`
     alone = np.array([problem.fit(dict.fromkeys(zeros, 0.0)) for zeros in zeroed])
-    least, by_cause = float(problem.chi_square(best)), problem.chi_square(alone)
-    allowed = [bool(by <= least + chi2.ppf(level, len(zeros))) for by, zeros in zip(by_cause, zeroed, strict=True)]
+    least = float(problem.chi_square(best))
+    by_cause = problem.chi_square(alone)
+    allowed = [
+        bool(by <= least + chi2.ppf(level, len(zeros)))
+        for by, zeros in zip(by_cause, zeroed, strict=True)
+    ]
     rank, condition, correlation = problem.sensitivity(best)
     dof = len(problem.axes) - rank
     distinct = rank == count and not (allowed[1] and allowed[2]) and not unexplained(least, dof)
     if abs(correlation) > DEPENDENT_NUMBERS:
         warnings.append(
-            f"the correlation of offset and fixture is {correlation:+.4f}: only small differences between the "
-            "directions distinguish them, and errors of the model and unequal necks have the same effect"
+            f"the correlation of offset and fixture is {correlation:+.4f}: only small differences "
+            "between the directions distinguish them, and errors of the model and unequal necks "
+            "have the same effect"
         )
     marks = np.array([best, *alone, low, high])[:, :2]
-    offsets, fixtures, chi_squares = problem.chi_square_map(np.where(np.isinf(marks), np.nan, marks))
-    rigid, added = problem.slopes(np.zeros(count)), problem.added @ best[1:]
+    offsets, fixtures, chi_squares = problem.chi_square_map(
+        np.where(np.isinf(marks), np.nan, marks)
+    )
+    rigid = problem.slopes(np.zeros(count))
+    added = problem.added @ best[1:]
     stiffness = np.where(added > RIGID / rigid, 1 / np.maximum(added, 1e-300), np.inf)
     by_direction = np.full((5, 3), np.nan)
-    by_direction[:, problem.axes] = problem.slope, rigid, problem.slopes(best), problem.sd, stiffness
+    by_direction[:, problem.axes] = (
+        problem.slope,
+        rigid,
+        problem.slopes(best),
+        problem.sd,
+        stiffness,
+    )
     sentence = conclusion(least, dof, alone[1, 0], allowed, distinct)
     if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
         sentence += " The pole as described is within the fitted interval."
@@ -245,20 +305,35 @@ def identify(
             **{"chi_square": least, "dof": dof, "condition": condition, "correlation": correlation},
             **{"distinct": distinct, "allowed": allowed, "cause_chi_square": by_cause},
             **{"cause_offset": alone[:, 0], "cause_fixture": alone[:, 1:]},
-            **{"region_offset": offsets, "region_fixture": fixtures, "region_above": chi_squares - least},
+            **{
+                "region_offset": offsets,
+                "region_fixture": fixtures,
+                "region_above": chi_squares - least,
+            },
             "region_limit": float(chi2.ppf(level, 2)),
         },
-        axes={"number": numbers} | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
-        settings={"measured": source.name, "analytic model": model, "confidence": f"{100 * level:g} %"},
+        axes={"number": numbers}
+        | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
+        settings={
+            "measured": source.name,
+            "analytic model": model,
+            "confidence": f"{100 * level:g} %",
+        },
         warnings=warnings,
         notes=[sentence, "intervals by profile likelihood; unlimited where the data give no bound"],
     )
 
 
 def _problem(
-    stage: Stage, measured: Fixture | Measurement, place: str, unknown: Unknown | None, warnings: list[str]
+    stage: Stage,
+    measured: Fixture | Measurement,
+    place: str,
+    unknown: Unknown | None,
+    warnings: list[str],
 ) -> tuple[SlopeProblem, list[str], str]:
-    """Return the problem, labels of the fixture's numbers and the model's name; place: of the slopes, for errors."""
+    """Return the problem, labels of the fixture's numbers and the model's name; place: of the
+    slopes, for errors.
+    """
     assert measured.measured is not None, "of `measured_of`"
     value, sd = measured.measured.slopes
     axes = np.flatnonzero(~np.isnan(value))
@@ -273,7 +348,9 @@ def _problem(
         raise BadInput('unknown "pole", expected springs: these readings include no pole', place)
     rigid = (of_stage + bar)[:, axes]
     if not np.all(rigid > 0):
-        raise ComputationFailed(f"{place}: a slope of this stage on a rigid fixture is not positive")
+        raise ComputationFailed(
+            f"{place}: a slope of this stage on a rigid fixture is not positive"
+        )
     spline = CubicSpline(offsets, np.log(rigid))
     springs: dict[str, AnyArray] = {"translation": axes < 2, "rotation": axes == 2}
     columns = {"pole": pole[axes]} if described and unknown != "springs" else springs
@@ -285,16 +362,21 @@ def _problem(
 
 
 def _stages_with_offsets(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
-    """Return neck offsets (n,), mm, the compliances (n, 3, 3) of stages with them, and the name of the best model."""
+    """Return neck offsets (n,), mm, the compliances (n, 3, 3) of stages with them, and the name of
+    the best model.
+    """
     chosen = best_model(stage, warnings)
     analyse(*chosen)  # refuses a stage without a solution at zero offset
-    stage, formula = chosen.stage, chosen.formula
-    neck, radius = stage.array("neck"), stage.array("radius")
+    stage = chosen.stage
+    formula = chosen.formula
+    neck = stage.array("neck")
+    radius = stage.array("radius")
     ends = FURTHEST * float(np.min(neck)) * np.array([-1.0, 1.0])
     if formula == CALIBRATED:
         low, high = known(formula).valid
         ends = np.clip(ends, np.max(low * radius - neck), np.min(high * radius - neck))
-    offsets, bodies = np.linspace(ends[0], ends[1], GRID), body_compliance(stage)[None]
+    offsets = np.linspace(ends[0], ends[1], GRID)
+    bodies = body_compliance(stage)[None]
     K = stiffness_with_necks(stage, neck + offsets[:, None, None], formula, freedoms_of(21), bodies)
     kept = np.all(np.isfinite(K), axis=(1, 2))
     if np.count_nonzero(kept) < GRID // 4:
@@ -308,27 +390,43 @@ def unexplained(chi_square: float, dof: int) -> bool:
 
 
 def conclusion(least: float, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
-    """State the conclusion; least : chi square of the best fit.   offset : of necks alone.   allowed : of `CAUSES`."""
+    """State the conclusion; least : chi square of the best fit.   offset : of necks alone.
+    allowed : of `CAUSES`.
+    """
     neither, *causes = allowed
-    necks = f"ecks {abs(MICROMETRE.factor * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'}"
+    necks = (
+        f"ecks {abs(MICROMETRE.factor * offset):.3g} {MICROMETRE.plain} "
+        f"{'wider' if offset > 0 else 'thinner'}"
+    )
     if unexplained(least, dof):
         return (
-            f"Necks and fixture together do not explain the data: chi square {least:.3g} at the best fit, which by "
-            f"chance exceeds {chi2.isf(POOR, max(dof, 1)):.3g} once in {1 / POOR:.0f}. Check the standard deviations, "
-            "or look for another cause."
+            f"Necks and fixture together do not explain the data: chi square {least:.3g} at the "
+            f"best fit, which by chance exceeds {chi2.isf(POOR, max(dof, 1)):.3g} once in "
+            f"{1 / POOR:.0f}. Check the standard deviations, or look for another cause."
         )
     if distinct:
         return {
-            (True, False): f"The necks explain the data: n{necks} than drawn. A soft fixture alone does not.",
+            (
+                True,
+                False,
+            ): f"The necks explain the data: n{necks} than drawn. A soft fixture alone does not.",
             (False, True): "A soft fixture explains the data. A neck offset alone does not.",
-            (False, False): "Both are needed: neither a neck offset nor a soft fixture alone explains the data.",
+            (
+                False,
+                False,
+            ): "Both are needed: neither a neck offset nor a soft fixture alone explains the data.",
         }[causes[0], causes[1]]
     agreeing = {
-        (True, True): f" Either cause alone agrees with the data: n{necks} than drawn, or a soft fixture.",
+        (
+            True,
+            True,
+        ): f" Either cause alone agrees with the data: n{necks} than drawn, or a soft fixture.",
         (True, False): f" N{necks} than drawn agree with the data, a soft fixture alone does not.",
         (False, True): " A soft fixture alone agrees with the data, a neck offset alone does not.",
         (False, False): "",
     }[causes[0], causes[1]]
     if neither:
-        agreeing = " Neither is necessary: the stage as drawn on a rigid fixture agrees with the data."
+        agreeing = (
+            " Neither is necessary: the stage as drawn on a rigid fixture agrees with the data."
+        )
     return f"These data cannot distinguish the causes.{agreeing}"

@@ -1,9 +1,10 @@
-"""Imposed joints: finite elements driven by the rotations or strokes that a model computes for a pose.
+"""Imposed joints: finite elements driven by the rotations or strokes that a model computes for a
+pose.
 
-The model converts the commanded pose into rotations of its independent hinges, or into strokes of the stage's stacks,
-by minimum energy (29), (30). The platform is free of load, so an error of the model's stiffness has no effect; only
-the motion of the finite elements with held joints counts. `hinge_couples` defines the rotation of a hinge.
-"""
+The model converts the commanded pose into rotations of its independent hinges, or into strokes of
+the stage's stacks, by minimum energy (29), (30). The platform is free of load, so an error of the
+model's stiffness has no effect; only the motion of the finite elements with held joints counts.
+`hinge_couples` defines the rotation of a hinge."""
 
 from __future__ import annotations
 
@@ -26,13 +27,15 @@ from flexfem.questions.case import Case, Drive
 from flexfem.questions.driven import Driven
 from flexfem.units import DIRECTIONS
 
-RIGID = 1e-12  # of the largest rotational compliance: below it a model of fewer freedoms excludes the rotation
+# of the largest rotational compliance: below it a model of fewer freedoms excludes the rotation
+RIGID = 1e-12
 
 
 class Imposed(NamedTuple):
     """Rotations of hinges, or strokes of the drive, that a model computed for commanded poses.
 
-    drive : of the stage, or one that holds the hinges.   per_command : (m, 3), rad or mm, per command in mm and rad.
+    drive : of the stage, or one that holds the hinges.   per_command : (m, 3), rad or mm, per
+    command in mm and rad.
     model : the driven stage of the model; None if hinge rotations are imposed.
     """
 
@@ -50,33 +53,49 @@ class Imposed(NamedTuple):
 
 
 def commanded_hinges(mobility: int) -> tuple[int, ...]:
-    """Return the positions of the hinges whose rotations are commanded, the independent joints of the paper."""
+    """Return the positions of the hinges whose rotations are commanded, the independent joints of
+    the paper.
+    """
     return (0,) if mobility == 3 else (0, 1)
 
 
 def imposed(stage: Stage, model: AnalyticResult, inputs: Drive) -> Imposed:
-    """Return the joint motions of an analytic model per command. Raises BadInput for strokes without actuators.
+    """Return the joint motions of an analytic model per command. Raises BadInput for strokes
+    without actuators.
 
-    Rotations a: min a' C_dd^-1 a with C_Ud C_dd^-1 a = u, so a = C_dU (C_Ud C_dd^-1 C_dU)^-1 u. If these rotations
-    determine the whole model, as with mobility three and six, this is (29), (30).
+    Rotations a: min a' C_dd^-1 a with C_Ud C_dd^-1 a = u, so a = C_dU (C_Ud C_dd^-1 C_dU)^-1 u. If
+    these rotations determine the whole model, as with mobility three and six, this is (29), (30).
     """
     if inputs == "joints":
         couples = hinge_couples(stage, commanded_hinges(model.mobility))
         C = driven_model(stage, model, tuple(couples.values())).compliance
-        per_command = C[3:, :3] @ inverse(C[:3, 3:] @ np.linalg.pinv(C[3:, 3:], RIGID, hermitian=True) @ C[3:, :3])
-        endless, none = np.full(len(couples), np.inf), np.zeros(len(couples))
-        limits = {"lowest": -endless, "highest": endless, "blocking_force": endless, "preload": none}
-        names, rigid = tuple(couples), np.eye(len(couples))
-        drive = ActuatorSet(tuple(couples.values()), names, stiffness=endless, differential=rigid, **limits)
+        per_command = C[3:, :3] @ inverse(
+            C[:3, 3:] @ np.linalg.pinv(C[3:, 3:], RIGID, hermitian=True) @ C[3:, :3]
+        )
+        endless = np.full(len(couples), np.inf)
+        none = np.zeros(len(couples))
+        limits = {
+            "lowest": -endless,
+            "highest": endless,
+            "blocking_force": endless,
+            "preload": none,
+        }
+        names = tuple(couples)
+        rigid = np.eye(len(couples))
+        drive = ActuatorSet(
+            tuple(couples.values()), names, stiffness=endless, differential=rigid, **limits
+        )
         return Imposed(drive, per_command, None)
-    stacks, lever = drive_of(stage), stage.chain.link_lengths[2]
+    stacks = drive_of(stage)
+    lever = stage.chain.link_lengths[2]
     driven = Driven.of(driven_model(stage, model).compliance, stacks)
     return Imposed(stacks, driven.unit_commands(lever), driven)
 
 
 @once
 def elements(stage: Stage, resolution: int, hinges: tuple[int, ...]) -> Response:
-    """Return finite elements loaded at the platform and at the hinges of given positions, or at the stacks if none.
+    """Return finite elements loaded at the platform and at the hinges of given positions, or at the
+    stacks if none.
 
     Raises BadInput, ComputationFailed.
     """
@@ -84,14 +103,20 @@ def elements(stage: Stage, resolution: int, hinges: tuple[int, ...]) -> Response
     return driven_response(build_mesh(stage, resolution), plate_of(stage), stacks)
 
 
-def imposed_bands(joints: Imposed, compliances: Array, case: Case, lever: float) -> tuple[Convergence, ...]:
-    """Return the grid convergence of the percentages of a case; compliances (levels, 3 + n, 3 + n), coarse to fine.
+def imposed_bands(
+    joints: Imposed, compliances: Array, case: Case, lever: float
+) -> tuple[Convergence, ...]:
+    """Return the grid convergence of the percentages of a case; compliances (levels, 3 + n, 3 + n),
+    coarse to fine.
 
-    With the forces f = Y T x, an error dC of the compliance changes the pose by r' dC f to first order. The rows
-    r = (1, -Y C_dU) are unit loads of the platform and the reactions of the drive, which holds its strokes.
-    """
-    axis, steps = DIRECTIONS.index(case.direction), np.array(levels(case.resolution))
-    percents = np.array([error_matrix(np.eye(3), joints.poses(C), lever)[:, axis] for C in compliances])
+    With the forces f = Y T x, an error dC of the compliance changes the pose by r' dC f to first
+    order. The rows r = (1, -Y C_dU) are unit loads of the platform and the reactions of the drive,
+    which holds its strokes."""
+    axis = DIRECTIONS.index(case.direction)
+    steps = np.array(levels(case.resolution))
+    percents = np.array(
+        [error_matrix(np.eye(3), joints.poses(C), lever)[:, axis] for C in compliances]
+    )
     finest = joints.on(compliances[-1])
     force = np.concatenate([np.zeros(3), finest.per_command @ joints.per_command[:, axis]])
     readings = np.concatenate([np.eye(3), -finest.Y @ finest.C[3:, :3]])

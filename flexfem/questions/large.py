@@ -1,12 +1,13 @@
 """Effect of large displacements on a stage, and of the second-order terms of (16).
 
-The load that holds the platform at a pose is computed by integrating the stiffness (16) of the displaced stage along
-the path, without and with its second-order terms, by exact equilibrium of the pseudo-rigid stage, and by nonlinear
-finite elements. Each is compared with its own linear solution, so that the error of the hinge formulas cancels.
+The load that holds the platform at a pose is computed by integrating the stiffness (16) of the
+displaced stage along the path, without and with its second-order terms, by exact equilibrium of the
+pseudo-rigid stage, and by nonlinear finite elements. Each is compared with its own linear solution,
+so that the error of the hinge formulas cancels.
 
-A mechanism is driven along one direction, or is under growing dead loads, with finite rotations: beams and plane finite
-elements. Driven, the whole curve of force against displacement is followed, also where it is not stable.
-"""
+A mechanism is driven along one direction, or is under growing dead loads, with finite rotations:
+beams and plane finite elements. Driven, the whole curve of force against displacement is followed,
+also where it is not stable."""
 
 from __future__ import annotations
 
@@ -34,30 +35,62 @@ from flexfem.questions.bands import corner_bands, levels, percentages
 from flexfem.questions.curve import NUMBERS, Traced, by_beams, by_elements, numbers_of
 from flexfem.questions.plates import ON_MESHES, PEAK, model_of
 from flexfem.questions.plates import solved as solved_plate
-from flexfem.questions.setup import Mesh, about, answer, for_mechanisms, mesh_of, meshed, on_meshes, solved
+from flexfem.questions.setup import (
+    Mesh,
+    about,
+    answer,
+    for_mechanisms,
+    mesh_of,
+    meshed,
+    on_meshes,
+    solved,
+)
 from flexfem.refused import BadInput
 from flexfem.results import SOLVED, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES, UNITS, Direction, in_unit
 
 AMPLITUDE = 0.5  # mm: ten times the workspace that examples/claims.py assumes
 ROTATION = 0.02  # rad of rotation per mm of translation: 10 mrad with 500 um
-RESOLUTION = 4  # with 8, compliances change by up to 0.09 % and the percentages here by 2.2e-4 points
+RESOLUTION = (
+    4  # with 8, compliances change by up to 0.09 % and the percentages here by 2.2e-4 points
+)
 STEPS = 20  # commands on either side of rest
-ELEMENT_STEPS = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # steps at which finite elements are solved
-STATED = np.array([-20, -2, 2, 20])  # steps at which numbers are stated: a tenth of the amplitude and all of it
-ROUND_OFF = 1e-12  # of the largest eigenvalue of a compliance, where motions of ports depend on each other
+ELEMENT_STEPS = np.array(
+    [-20, -14, -8, -2, 0, 2, 8, 14, 20]
+)  # steps at which finite elements are solved
+STATED = np.array(
+    [-20, -2, 2, 20]
+)  # steps at which numbers are stated: a tenth of the amplitude and all of it
+ROUND_OFF = (
+    1e-12  # of the largest eigenvalue of a compliance, where motions of ports depend on each other
+)
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
-AMPLITUDES = (1e-9, 1e3)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
+AMPLITUDES = (
+    1e-9,
+    1e3,
+)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
 WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
-THEORIES = ("(16) without second-order terms", "(16)", "exact", "finite elements", "finite elements, same load")
+THEORIES = (
+    "(16) without second-order terms",
+    "(16)",
+    "exact",
+    "finite elements",
+    "finite elements, same load",
+)
 UNSTABLE = "an equilibrium is not stable under dead loads"
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the load on a mechanism
-LINEAR, BEAMS, ELEMENTS = "linear", "beams", "finite elements"  # theories of a mechanism
-PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points by which finite elements change with their mesh
+LINEAR = "linear"
+BEAMS = "beams"
+ELEMENTS = "finite elements"  # theories of a mechanism
+PERCENT = Gate(
+    1e-9, absolute=2e-3
+)  # percentage points by which finite elements change with their mesh
 
 
 class Large(Result):
-    """Change of the tangent stiffness and errors of the linear position at large displacements, in per cent."""
+    """Change of the tangent stiffness and errors of the linear position at large displacements, in
+    per cent.
+    """
 
     title = "large displacements"
     main = ("position", {})
@@ -70,75 +103,143 @@ class Large(Result):
     columns = ("theory",)
     figure = "drive.large_figure"
     reading = (
-        "each theory is compared with its own linear solution; position error: linear position under the load that "
-        "holds the stage at the command, minus the command, in % of the command; across: the larger error of the "
-        "other two directions, rotations multiplied by the lever; at: command in % of the amplitude",
+        "each theory is compared with its own linear solution; position error: linear position "
+        "under the load that holds the stage at the command, minus the command, in % of the "
+        "command; across: the larger error of the other two directions, rotations multiplied by "
+        "the lever; at: command in % of the amplitude",
     )
     amplitude = Quantity("amplitude", ("mm", "mm", "rad"), ("direction",))
-    stiffness = Quantity("change of the tangent stiffness", "percent", ("direction", "at", "theory"), PERCENT)
-    error = Quantity("error of the linear position along", "percent", ("direction", "at", "theory"), PERCENT)
-    aside = Quantity("error of the linear position across", "percent", ("direction", "at", "theory"), PERCENT, "all")
-    position = Quantity("largest error of the linear position, all poses", "percent", ("within",), PERCENT)
-    terms = Quantity("change of the tangent compliance by second-order terms", "percent", ("within",), PERCENT)
+    stiffness = Quantity(
+        "change of the tangent stiffness", "percent", ("direction", "at", "theory"), PERCENT
+    )
+    error = Quantity(
+        "error of the linear position along", "percent", ("direction", "at", "theory"), PERCENT
+    )
+    aside = Quantity(
+        "error of the linear position across",
+        "percent",
+        ("direction", "at", "theory"),
+        PERCENT,
+        "all",
+    )
+    position = Quantity(
+        "largest error of the linear position, all poses", "percent", ("within",), PERCENT
+    )
+    terms = Quantity(
+        "change of the tangent compliance by second-order terms", "percent", ("within",), PERCENT
+    )
     tangent = Quantity(
-        "change of the tangent stiffness", "percent", ("direction", "share", "theory"), PERCENT, shown=False
+        "change of the tangent stiffness",
+        "percent",
+        ("direction", "share", "theory"),
+        PERCENT,
+        shown=False,
     )
     errors = Quantity(
-        "error of the linear position", "percent", ("direction", "share", "theory", "component"), PERCENT, shown=False
+        "error of the linear position",
+        "percent",
+        ("direction", "share", "theory", "component"),
+        PERCENT,
+        shown=False,
     )
     load = Quantity(
-        "load that holds the platform", ("n", "n", "n_mm"), ("direction", "share", "theory", "component"), Gate(1.5e-5),
-        "wrench", shown=False,
-    )  # fmt: skip
-    strain = Quantity("largest strain of finite elements", "", ("direction", "share"), Gate(5e-3), "all", shown=False)
+        "load that holds the platform",
+        ("n", "n", "n_mm"),
+        ("direction", "share", "theory", "component"),
+        Gate(1.5e-5),
+        "wrench",
+        shown=False,
+    )
+    strain = Quantity(
+        "largest strain of finite elements",
+        "",
+        ("direction", "share"),
+        Gate(5e-3),
+        "all",
+        shown=False,
+    )
 
 
 class MechanismLarge(Result):
-    """Displacement of the output under growing dead loads: linear, and with finite rotations by both models."""
+    """Displacement of the output under growing dead loads: linear, and with finite rotations by
+    both models.
+    """
 
     title = "large displacements"
     main = ("pose", {"load": "100 %"})
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in SHARES)}
     reading = (
-        "linear: the analytic network with rigid bodies, or finite elements of a plate without hinges; beams: the "
-        "network with hinges as co-rotational beams; finite elements: plane, with finite rotations and elastic bodies",
+        "linear: the analytic network with rigid bodies, or finite elements of a plate without "
+        "hinges; beams: the network with hinges as co-rotational beams; finite elements: plane, "
+        "with finite rotations and elastic bodies",
         "the rotation is that of the rigid motion nearest to the motion of the contact",
     )
     force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
     driving = Quantity(
-        "force that drives the output", "wrench", ("load", "theory", "direction"), ON_MESHES, "wrench",
+        "force that drives the output",
+        "wrench",
+        ("load", "theory", "direction"),
+        ON_MESHES,
+        "wrench",
         note="with the output driven by the amplitude along one direction, the others free",
-    )  # fmt: skip
-    pose = Quantity("displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose")
+    )
+    pose = Quantity(
+        "displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose"
+    )
     stiffness = Quantity(
-        "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), ON_MESHES
+        "tangent stiffness, other directions free",
+        "stiffness",
+        ("load", "theory", "direction"),
+        ON_MESHES,
     )
     strain = Quantity("largest strain of finite elements", "", ("load",), PEAK, "all", shown=False)
     event_pose = Quantity(
-        "displacement of the output at points of the curve", "motion", ("event", "theory", "direction"), ON_MESHES,
+        "displacement of the output at points of the curve",
+        "motion",
+        ("event", "theory", "direction"),
+        ON_MESHES,
         "pose",
-        note="limits of the force and of the displacement along the curve, positions without force, and buckling of "
-        "what is not driven",
-    )  # fmt: skip
+        note=(
+            "limits of the force and of the displacement along the curve, positions without "
+            "force, and buckling of what is not driven"
+        ),
+    )
     event_force = Quantity(
-        "force that drives the output at points of the curve", "wrench", ("event", "theory", "direction"), ON_MESHES,
+        "force that drives the output at points of the curve",
         "wrench",
-    )  # fmt: skip
+        ("event", "theory", "direction"),
+        ON_MESHES,
+        "wrench",
+    )
     event_pivots = Quantity(
-        "negative pivots of the tangent stiffness at points of the curve", "", ("event", "theory"), shown=False
+        "negative pivots of the tangent stiffness at points of the curve",
+        "",
+        ("event", "theory"),
+        shown=False,
     )
     curve_pose = Quantity(
-        "displacement of the output along the curve", "motion", ("step", "theory", "direction"), ON_MESHES, "pose",
+        "displacement of the output along the curve",
+        "motion",
+        ("step", "theory", "direction"),
+        ON_MESHES,
+        "pose",
         shown=False,
-    )  # fmt: skip
+    )
     curve_force = Quantity(
-        "force that drives the output along the curve", "wrench", ("step", "theory", "direction"), ON_MESHES, "wrench",
+        "force that drives the output along the curve",
+        "wrench",
+        ("step", "theory", "direction"),
+        ON_MESHES,
+        "wrench",
         shown=False,
-    )  # fmt: skip
+    )
     curve_pivots = Quantity(
-        "negative pivots of the tangent stiffness along the curve", "", ("step", "theory"), shown=False,
+        "negative pivots of the tangent stiffness along the curve",
+        "",
+        ("step", "theory"),
+        shown=False,
         note="under the dead load: zero where the equilibrium is stable",
-    )  # fmt: skip
+    )
 
 
 @for_mechanisms(Large, MechanismLarge, only_for="force along")
@@ -152,15 +253,18 @@ def large(
     resolution: int | None = None,
     progress: Progress | None = None,
 ) -> Large | MechanismLarge:
-    """Change of the tangent stiffness and error of the linear position of a stage or mechanism at large displacements.
+    """Change of the tangent stiffness and error of the linear position of a stage or mechanism at
+    large displacements.
 
     Parameters
     ----------
     amplitude : float or str
-        Largest displacement in X and Y, mm; in theta 0.02 rad for every mm. The output of a mechanism is driven by it
-        along its softest translation, or turned by an angle with its unit, such as "5deg"; against it if negative.
+        Largest displacement in X and Y, mm; in theta 0.02 rad for every mm. The output of a
+        mechanism is driven by it along its softest translation, or turned by an angle with its
+        unit, such as "5deg"; against it if negative.
     along : {"x", "y", "theta"}, optional
-        Direction along which the output of a mechanism is driven, the others free; by default its softest translation.
+        Direction along which the output of a mechanism is driven, the others free; by default its
+        softest translation.
     force : tuple of float, optional
         Largest load on the output of a mechanism, N and N mm, instead of the amplitude.
     models : {"both", "analytic"}
@@ -176,19 +280,29 @@ def large(
     >>> round(float(found.at("error", direction="x", at="+100 %", theory="exact")), 3)  # per cent
     0.36
     """
-    mesh = mesh_of(stage, models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION)
+    mesh = mesh_of(
+        stage, models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION
+    )
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, force, amplitude, along, mesh, progress)
     if isinstance(amplitude, str):
         amplitude = _length(amplitude)
-    largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, ROTATION])
-    model, paper, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
+    largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array(
+        [1.0, 1.0, ROTATION]
+    )
+    model = analyse(stage)
+    paper = assemble(stage)
+    lever = stage.chain.link_lengths[2]
     elements = None if mesh is None else solved(stage, mesh.resolution)
     warnings = warning.of_result(stage, model)
     if elements is not None:
-        for direction, load in zip(DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(largest)).T, strict=True):
+        for direction, load in zip(
+            DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(largest)).T, strict=True
+        ):
             highest = float(np.max(neck_stresses(stage, elements, load[None]).highest))
-            warnings += warning.of_yield(highest, stage.material.yield_strength, f"largest command in {direction}")
+            warnings += warning.of_yield(
+                highest, stage.material.yield_strength, f"largest command in {direction}"
+            )
     boxes = [linear_errors(paper, share * largest, lever) for share in (STATED[2] / STEPS, 1.0)]
     paths = []
     for axis, direction in enumerate(DIRECTIONS):
@@ -207,7 +321,11 @@ def large(
         "position": [100 * float(box.position) for box in boxes],
         "terms": [100 * float(box.terms) for box in boxes],
     }
-    settings = {"mobility": model.mobility, "formula": DEFAULT_FORMULA, "plane problem": PLANES[stage.model]}
+    settings = {
+        "mobility": model.mobility,
+        "formula": DEFAULT_FORMULA,
+        "plane problem": PLANES[stage.model],
+    }
     if elements is not None:
         settings |= meshed(mesh) | {"unknowns": elements.unknowns}
     return Large(about(stage), values, None, None, settings, list(dict.fromkeys(warnings)))
@@ -230,7 +348,9 @@ def _of_mechanism(
 
 
 def _at_rest(mechanism: Mechanism, mesh: Mesh | None) -> Array:
-    """Return the compliance (k, k) at rest by the analytic network, or by finite elements of a plate without hinges."""
+    """Return the compliance (k, k) at rest by the analytic network, or by finite elements of a
+    plate without hinges.
+    """
     if mechanism.layout.joints:
         return respond(mechanism.layout).compliance
     assert mesh is not None
@@ -238,7 +358,10 @@ def _at_rest(mechanism: Mechanism, mesh: Mesh | None) -> Array:
 
 
 def _loaded(
-    mechanism: Mechanism, force: tuple[float, float, float], mesh: Mesh | None, progress: Progress | None
+    mechanism: Mechanism,
+    force: tuple[float, float, float],
+    mesh: Mesh | None,
+    progress: Progress | None,
 ) -> MechanismLarge:
     """Return the displacements under a growing dead load."""
     layout = mechanism.layout
@@ -247,28 +370,38 @@ def _loaded(
     loads[:, :3] = np.outer(SHARES, arguments.forces("force", force, 1))
     poses = [loads @ C[:, :3]]
     tangents: list[Array] = [np.broadcast_to(C, (len(loads), *C.shape))]
-    stable, theories = True, [LINEAR]
+    stable = True
+    theories = [LINEAR]
     if layout.joints:
         found = displaced(layout, loads)
         poses.append(found.motions[:, :3])
         tangents.append(found.compliance)
         stable = bool(np.all(found.stable))
         theories.append(BEAMS)
-    values, bands = dict[str, Any](), dict[str, Array]()
+    values = dict[str, Any]()
+    bands = dict[str, Array]()
     if mesh is not None:
         steps = levels(mesh.resolution)
-        each = on_meshes(steps, lambda level: equilibria(model_of(mechanism, level), loads), progress)
+        each = on_meshes(
+            steps, lambda level: equilibria(model_of(mechanism, level), loads), progress
+        )
         poses.append(each[-1].pose[:, :3])
         tangents.append(each[-1].compliance)
         values["strain"] = each[-1].strain
         theories.append(ELEMENTS)
         sizes = np.array(steps, dtype=float)
-        alike = {"pose": [one.pose[:, :3] for one in each], "stiffness": [_along(one.compliance) for one in each]}
+        alike = {
+            "pose": [one.pose[:, :3] for one in each],
+            "stiffness": [_along(one.compliance) for one in each],
+        }
         for name, parts in alike.items():
             bands[name] = np.full((len(SHARES), len(theories), 3), np.nan)
             bands[name][:, -1] = corner_bands(sizes, np.array(parts))
     values["force"] = loads[:, :3]
-    values |= {"pose": np.stack(poses, axis=1), "stiffness": np.stack([_along(one) for one in tangents], axis=1)}
+    values |= {
+        "pose": np.stack(poses, axis=1),
+        "stiffness": np.stack([_along(one) for one in tangents], axis=1),
+    }
     ends = np.linalg.eigvalsh(tangents[-1])
     stable = stable and bool(np.all(ends[:, 0] > -ROUND_OFF * ends[:, -1]))
     warnings = [] if stable else [UNSTABLE]
@@ -347,12 +480,18 @@ def _of_curves(
     if not events:
         values = {name: array for name, array in values.items() if not name.startswith("event")}
     bands = {name: array for name, array in _named(widths).items() if name in values}
-    return values, bands, {"theory": theories, "event": events, "step": [str(k) for k in range(steps)]}
+    return (
+        values,
+        bands,
+        {"theory": theories, "event": events, "step": [str(k) for k in range(steps)]},
+    )
 
 
 def _named(arrays: Mapping[str, Array]) -> dict[str, Array]:
     """Return arrays of `numbers_of` points by the names of their quantities."""
-    pose, driving, stiffness = slice(0, 3), slice(3, 6), slice(6, 9)
+    pose = slice(0, 3)
+    driving = slice(3, 6)
+    stiffness = slice(6, 9)
     return {
         "pose": arrays["share"][..., pose],
         "driving": arrays["share"][..., driving],
@@ -365,7 +504,9 @@ def _named(arrays: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _warned(traced: Mapping[str, Traced], port: int, size: float) -> list[str]:
-    """Warn of unstable equilibria, of curves that end early, and of events that one theory alone has."""
+    """Warn of unstable equilibria, of curves that end early, and of events that one theory alone
+    has.
+    """
     unit = "rad" if port == 2 else "mm"
     found = list[str]()
     for label, one in traced.items():
@@ -373,14 +514,23 @@ def _warned(traced: Mapping[str, Traced], port: int, size: float) -> list[str]:
         unstable = [point.motions[port] for point in points if point.unstable]
         if unstable:
             between = f"from {unstable[0]:.4g} to {unstable[-1]:.4g} {unit}"
-            found.append(f"{label}: {between} equilibria are not stable under the dead load: the mechanism snaps")
+            found.append(
+                f"{label}: {between} equilibria are not stable under the dead load: the mechanism "
+                "snaps"
+            )
         if any(name.startswith("buckling") for name in one.events):
             found.append(f"{label}: beyond buckling the curve is that without it, and not stable")
         if not one.curve.complete:
             reason = "no equilibrium is found beyond it"
             if label == ELEMENTS:
-                reason += f", or the largest strain, {points[-1].strain:.2g} there, exceeds that of the material law"
-            found.append(f"{label}: the curve ends at {points[-1].motions[port]:.4g} of {size:.4g} {unit}: {reason}")
+                reason += (
+                    f", or the largest strain, {points[-1].strain:.2g} there, exceeds that of the "
+                    "material law"
+                )
+            found.append(
+                f"{label}: the curve ends at {points[-1].motions[port]:.4g} of {size:.4g} {unit}: "
+                f"{reason}"
+            )
     if len(traced) == 2:
         beams, elements = (set(one.events) for one in traced.values())
         if apart := sorted(beams ^ elements):
@@ -388,11 +538,18 @@ def _warned(traced: Mapping[str, Traced], port: int, size: float) -> list[str]:
     return found
 
 
-def _commanded(amplitude: float | str, along: Direction | None, compliance: Array) -> tuple[int, float]:
-    """Return the port and the displacement, mm or rad, of an amplitude: an angle, or a length of the softest port."""
+def _commanded(
+    amplitude: float | str, along: Direction | None, compliance: Array
+) -> tuple[int, float]:
+    """Return the port and the displacement, mm or rad, of an amplitude: an angle, or a length of
+    the softest port.
+    """
     if isinstance(amplitude, str) and not _is_length(amplitude):
         if along not in (None, "theta"):
-            raise BadInput(f"amplitude {amplitude!r} along {along}, expected a length with its unit, such as 3mm")
+            raise BadInput(
+                f"amplitude {amplitude!r} along {along}, expected a length with its unit, such as "
+                "3mm"
+            )
         try:
             angle = in_unit(amplitude, UNITS["rad"])
         except ValueError:
@@ -401,9 +558,13 @@ def _commanded(amplitude: float | str, along: Direction | None, compliance: Arra
         arguments.between("amplitude", abs(angle), 1e-9, 10.0, " rad")
         return 2, angle
     if along == "theta":
-        raise BadInput(f"amplitude {amplitude!r} along theta, expected an angle with its unit, such as 5deg")
+        raise BadInput(
+            f"amplitude {amplitude!r} along theta, expected an angle with its unit, such as 5deg"
+        )
     size = _length(amplitude) if isinstance(amplitude, str) else amplitude
-    arguments.between("amplitude", abs(size) if isinstance(size, int | float) else size, 1e-6, 1e4, " mm")
+    arguments.between(
+        "amplitude", abs(size) if isinstance(size, int | float) else size, 1e-6, 1e4, " mm"
+    )
     softest = int(np.argmax(np.diag(compliance)[:2]))
     return softest if along is None else DIRECTIONS.index(along), float(size)
 
@@ -428,45 +589,73 @@ def _along(compliance: Array) -> Array:
     return np.asarray(1 / np.diagonal(compliance, axis1=1, axis2=2)[:, :3])
 
 
-def _path(stage: Stage, paper: PaperModel, elements: Response | None, axis: int, end: float) -> dict[str, Array]:
-    """Return `tangent`, `errors`, `load` and `strain` of `Large` along an axis, other directions held at zero."""
-    direction, lever = DIRECTIONS[axis], stage.chain.link_lengths[2]
-    rest, step = stiffness(paper), SLOPE_STEP * end
+def _path(
+    stage: Stage, paper: PaperModel, elements: Response | None, axis: int, end: float
+) -> dict[str, Array]:
+    """Return `tangent`, `errors`, `load` and `strain` of `Large` along an axis, other directions
+    held at zero.
+    """
+    direction = DIRECTIONS[axis]
+    lever = stage.chain.link_lengths[2]
+    rest = stiffness(paper)
+    step = SLOPE_STEP * end
     commanded = end * np.arange(-STEPS, STEPS + 1) / STEPS
     tangent = np.full((len(commanded), len(THEORIES)), np.nan)
-    errors, loads = np.full((*tangent.shape, 3), np.nan), np.full((*tangent.shape, 3), np.nan)
-    values = {"tangent": tangent, "errors": errors, "load": loads, "strain": np.full(len(commanded), np.nan)}
+    errors = np.full((*tangent.shape, 3), np.nan)
+    loads = np.full((*tangent.shape, 3), np.nan)
+    values = {
+        "tangent": tangent,
+        "errors": errors,
+        "load": loads,
+        "strain": np.full(len(commanded), np.nan),
+    }
 
     def relative_errors(pose: Array, displacements: Array) -> Array:
-        """Return errors (n, 3) in per cent of displacements (n,); zero at rest, since errors are of second order."""
-        nonzero, percent = displacements != 0, np.zeros_like(pose)
+        """Return errors (n, 3) in per cent of displacements (n,); zero at rest, since errors are of
+        second order.
+        """
+        nonzero = displacements != 0
+        percent = np.zeros_like(pose)
         percent[nonzero] = percentages(pose[nonzero], displacements[nonzero], direction, lever)
         return percent
 
     exact = at_pose(paper, axis_poses(commanded, axis))
-    after, before = (at_pose(paper, axis_poses(commanded + side, axis)).load for side in (step, -step))
-    slopes = [state.stiffness()[..., axis] for state in (exact.without_terms, exact)] + [(after - before) / (2 * step)]
+    after, before = (
+        at_pose(paper, axis_poses(commanded + side, axis)).load for side in (step, -step)
+    )
+    slopes = [state.stiffness()[..., axis] for state in (exact.without_terms, exact)] + [
+        (after - before) / (2 * step)
+    ]
     summed = summed_loads(paper, commanded, axis)
     for theory, load in enumerate((summed["without"], summed["tangent"], exact.load)):
         tangent[:, theory] = 100 * (slopes[theory][:, axis] / rest.K_uu[axis, axis] - 1)
-        errors[:, theory] = relative_errors(load @ rest.C_uu - axis_poses(commanded, axis), commanded)
+        errors[:, theory] = relative_errors(
+            load @ rest.C_uu - axis_poses(commanded, axis), commanded
+        )
     loads[:, EXACT] = exact.load
     if elements is None:
         return values
-    plate, C, places = plate_of(stage), elements.compliance, STEPS + ELEMENT_STEPS
-    held_load, compliance, strain = (
-        np.zeros((len(ELEMENT_STEPS), 3)),
-        np.tile(C, (len(ELEMENT_STEPS), 1, 1)),
-        np.zeros(len(ELEMENT_STEPS)),
-    )
+    plate = plate_of(stage)
+    C = elements.compliance
+    places = STEPS + ELEMENT_STEPS
+    held_load = np.zeros((len(ELEMENT_STEPS), 3))
+    compliance = np.tile(C, (len(ELEMENT_STEPS), 1, 1))
+    strain = np.zeros(len(ELEMENT_STEPS))
     for side in outwards(ELEMENT_STEPS):
         solution = imposed(elements.mesh, plate, axis_poses(commanded[places[side]], axis))
-        held_load[side], compliance[side], strain[side] = solution.load, solution.compliance, solution.strain
-    exact_load, pose = exact.load[STEPS + STATED], np.zeros((len(STATED), 3))
+        held_load[side] = solution.load
+        compliance[side] = solution.compliance
+        strain[side] = solution.strain
+    exact_load = exact.load[STEPS + STATED]
+    pose = np.zeros((len(STATED), 3))
     for side in outwards(STATED):
         pose[side] = equilibrium(elements.mesh, plate, exact_load[side]).pose
     slope = np.linalg.inv(compliance)[:, axis, axis] / np.linalg.inv(C)[axis, axis]
-    tangent[places, HELD], loads[places, HELD], values["strain"][places] = 100 * (slope - 1), held_load, strain
-    errors[places, HELD] = relative_errors(held_load @ C - axis_poses(commanded[places], axis), commanded[places])
+    tangent[places, HELD] = 100 * (slope - 1)
+    loads[places, HELD] = held_load
+    values["strain"][places] = strain
+    errors[places, HELD] = relative_errors(
+        held_load @ C - axis_poses(commanded[places], axis), commanded[places]
+    )
     errors[STEPS + STATED, LOADED] = relative_errors(exact_load @ C - pose, pose[:, axis])
     return values

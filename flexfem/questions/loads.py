@@ -1,4 +1,6 @@
-"""Static loads that a user states: on the output, and on named points, of which two make a pair between two bodies."""
+"""Static loads that a user states: on the output, and on named points, of which two make a pair
+between two bodies.
+"""
 
 from __future__ import annotations
 
@@ -29,8 +31,12 @@ class StatedLoad(NamedTuple):
     at_points: Array
 
 
-def stated_load(layout: Layout, force: Force | None, force_at: AtPoints | None) -> StatedLoad | None:
-    """Return the load of `force` on the output and of `force_at` on named points; None without any. Raises BadInput."""
+def stated_load(
+    layout: Layout, force: Force | None, force_at: AtPoints | None
+) -> StatedLoad | None:
+    """Return the load of `force` on the output and of `force_at` on named points; None without any.
+    Raises BadInput.
+    """
     if force is None and not force_at:
         return None
     found = loads_at_points(layout, force_at or ())
@@ -45,17 +51,24 @@ def required_load(layout: Layout, force: Force | None, force_at: AtPoints | None
     """Return a load as `stated_load`. Raises BadInput without a load, or for a load of zero."""
     found = stated_load(layout, force, force_at)
     if found is None or not np.any(found.on_ports):
-        raise BadInput("no load, expected force (N, N, N mm) on the output or force_at on named points, not zero")
+        raise BadInput(
+            "no load, expected force (N, N, N mm) on the output or force_at on named points, not "
+            "zero"
+        )
     return found
 
 
 def loads_at_points(layout: Layout, stated: AtPoints) -> Array:
-    """Return loads (points, 3) from those by the names of points, or from texts NAME=FX,FY,M. Raises BadInput."""
+    """Return loads (points, 3) from those by the names of points, or from texts NAME=FX,FY,M.
+    Raises BadInput.
+    """
     names = [name for name, _ in layout.points]
     found = np.zeros((len(names), len(FORCES)))
     if isinstance(stated, str):
         stated = [stated]
-    pairs = stated.items() if isinstance(stated, Mapping) else [_named_load(text) for text in stated]
+    pairs = (
+        stated.items() if isinstance(stated, Mapping) else [_named_load(text) for text in stated]
+    )
     for name, load in pairs:
         if name not in names:
             raise BadInput(f"force_at {name!r}, expected the name of a point{nearest(name, names)}")
@@ -64,13 +77,20 @@ def loads_at_points(layout: Layout, stated: AtPoints) -> Array:
 
 
 def _named_load(text: str) -> tuple[str, list[float]]:
-    """Return the name and the load of a text NAME=FX,FY,M, whose numbers may have units. Raises BadInput."""
+    """Return the name and the load of a text NAME=FX,FY,M, whose numbers may have units. Raises
+    BadInput.
+    """
     name, _, numbers = str(text).rpartition("=")
     parts = numbers.split(",")
     if not name or len(parts) != len(FORCES):
-        raise BadInput(f"force_at {text!r}, expected NAME=FX,FY,M: a point, two forces in N and a moment in N mm")
+        raise BadInput(
+            f"force_at {text!r}, expected NAME=FX,FY,M: a point, two forces in N and a moment in "
+            "N mm"
+        )
     try:
-        return name.strip(), [in_unit(part.strip(), unit) for part, unit in zip(parts, FORCES, strict=True)]
+        return name.strip(), [
+            in_unit(part.strip(), unit) for part, unit in zip(parts, FORCES, strict=True)
+        ]
     except ValueError as error:
         raise BadInput(f"force_at {name}: {error}") from None
 

@@ -1,8 +1,7 @@
 """Models of stages and mechanisms, with bands, and the errors of the analytic ones of mechanisms.
 
-Numbers follow from the motions of the ports and from the stress in the hinges, by the analytic network with rigid
-bodies, the network of elastic parts, and finite elements.
-"""
+Numbers follow from the motions of the ports and from the stress in the hinges, by the analytic
+network with rigid bodies, the network of elastic parts, and finite elements."""
 
 from __future__ import annotations
 
@@ -51,10 +50,29 @@ from flexfem.questions.bands import (
     levels,
     solve_solid,
 )
-from flexfem.questions.setup import ELASTIC, Mesh, ModelAnswer, Models, answer, on_meshes, require_hinges, sectors_of
+from flexfem.questions.setup import (
+    ELASTIC,
+    Mesh,
+    ModelAnswer,
+    Models,
+    answer,
+    on_meshes,
+    require_hinges,
+    sectors_of,
+)
 from flexfem.questions.setup import mesh_of as plain_mesh_of
 from flexfem.questions.setup import solved as solved_stage
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, MAGNITUDE, SOLID, STRESS, Progress, Quantity, Result
+from flexfem.results import (
+    ANALYTIC,
+    COARSER,
+    ELEMENTS,
+    MAGNITUDE,
+    SOLID,
+    STRESS,
+    Progress,
+    Quantity,
+    Result,
+)
 from flexfem.units import DIRECTIONS
 
 PART_RESOLUTION = 4  # of the finite elements of single parts
@@ -82,38 +100,52 @@ PLACES = (
     "strain_x",
     "strain_y",
 )  # of highest stresses, which change from mesh to mesh
-# Possible errors of `Thickness`, measured on whole plates in three dimensions (`benchmarks/thickness.py`)
-OF_CONTRACTION = 0.3  # of the difference between ends of hinges that keep their thickness and that contract freely
+# Possible errors of `Thickness`, measured on whole plates in three dimensions
+# (`benchmarks/thickness.py`)
+# of the difference between ends of hinges that keep their thickness and that contract freely
+OF_CONTRACTION = 0.3
 OF_PLANE_STRAIN = 0.15  # of the change of bodies from plane stress to plane strain
-OF_CONSTRAINT = 0.3  # of the change of the von Mises stress of a free edge from plane stress to plane strain
+OF_CONSTRAINT = (
+    0.3  # of the change of the von Mises stress of a free edge from plane stress to plane strain
+)
 OF_THE_RATIO = 0.2  # of the change of the stress in hinges
 ORDER_OF_LAYERS = 2  # least order of convergence with the number of layers
-SLENDER_BODIES = 0.4  # share of bodies in a compliance above which the whole plate is solved in three dimensions
+SLENDER_BODIES = (
+    0.4  # share of bodies in a compliance above which the whole plate is solved in three dimensions
+)
 WHOLE_LAYERS = 3
 WHOLE_RESOLUTION = 4
 LIFTED_RESOLUTION = 2  # triangles across every neck, for motion out of the plane
 LIFTED_LAYERS = (1, 2)  # in half the thickness
-LIFTED_MESH = 2e-3  # of a frequency out of the plane, by this resolution: at most 0.15 % of plates from THIN
-THIN = 5.0  # necks; the error grows in thinner plates, to 1.1 % at half a neck (`benchmarks/numbers_in_the_part.py`)
+LIFTED_MESH = (
+    2e-3  # of a frequency out of the plane, by this resolution: at most 0.15 % of plates from THIN
+)
+# necks; the error grows in thinner plates, to 1.1 % at half a neck
+# (`benchmarks/numbers_in_the_part.py`)
+THIN = 5.0
 MOST_OF_THIN = 10.0  # times `LIFTED_MESH`
-ON_MESHES, PEAK = COARSER._replace(band=MAGNITUDE), STRESS._replace(band=MAGNITUDE)
+ON_MESHES = COARSER._replace(band=MAGNITUDE)
+PEAK = STRESS._replace(band=MAGNITUDE)
 POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
 ALONG_READ = (
-    "along the command this is the error of the stiffness of the model with the other directions free: the same number "
-    "in `stiffness`, `summary`, `verify`, `budget` and the report"
+    "along the command this is the error of the stiffness of the model with the other directions "
+    "free: the same number in `stiffness`, `summary`, `verify`, `budget` and the report"
 )
 AMPLIFICATION_READ = (
-    "motion of the free output per opening of one actuator, of the model relative to finite elements, along the motion "
-    "of these"
+    "motion of the free output per opening of one actuator, of the model relative to finite "
+    "elements, along the motion of these"
 )
 
 
 class Responses(NamedTuple):
-    """Response of one model to c cases, which are unit loads on the k ports unless stated otherwise.
+    """Response of one model to c cases, which are unit loads on the k ports unless stated
+    otherwise.
 
     compliance : (k, c), displacements conjugate to the ports.
-    stress : function of loads (..., c), multiples of the cases, returns the highest stress (..., hinges), MPa.
-    bodies : the same of the moving bodies, with its places; None of a model that has no stress of bodies.
+    stress : function of loads (..., c), multiples of the cases, returns the highest stress (...,
+    hinges), MPa.
+    bodies : the same of the moving bodies, with its places; None of a model that has no stress of
+    bodies.
     points : the same at the points (..., points); None of such a model.
     """
 
@@ -124,7 +156,9 @@ class Responses(NamedTuple):
 
 
 class ElasticParts(NamedTuple):
-    """Elastic bodies and compliances (h, 3, 3) of hinges; without them bodies are rigid, and hinges beam integrals."""
+    """Elastic bodies and compliances (h, 3, 3) of hinges; without them bodies are rigid, and hinges
+    beam integrals.
+    """
 
     bodies: tuple[ElasticBody, ...] = ()
     hinges: Array | None = None
@@ -149,7 +183,9 @@ def model_of(mechanism: Mechanism, resolution: int) -> PlateModel:
     return plate_model(mechanism.layout, meshed(mechanism, resolution))
 
 
-def factorised(mechanism: Mechanism, resolution: int, layers: int = 0, lifting: bool = False) -> PlateModel:
+def factorised(
+    mechanism: Mechanism, resolution: int, layers: int = 0, lifting: bool = False
+) -> PlateModel:
     """Factorise finite elements; those with layers are not kept, because they take gigabytes.
 
     lifting : for motion out of the plane, with layers.
@@ -157,14 +193,20 @@ def factorised(mechanism: Mechanism, resolution: int, layers: int = 0, lifting: 
     through = layers_of(mechanism, layers)
     if through is None:
         return model_of(mechanism, resolution)
-    return plate_model(mechanism.layout, meshed(mechanism, resolution), through.antisymmetric if lifting else through)
+    return plate_model(
+        mechanism.layout,
+        meshed(mechanism, resolution),
+        through.antisymmetric if lifting else through,
+    )
 
 
 def solved(plate: Stage | Mechanism, resolution: int, layers: int = 0) -> Response:
     """Solve finite elements for unit loads on all ports, of a stage on its platform."""
     if isinstance(plate, Stage):
         return solve_solid(plate, resolution, layers) if layers else solved_stage(plate, resolution)
-    return factorised(plate, resolution, layers).response() if layers else _in_plane(plate, resolution)
+    return (
+        factorised(plate, resolution, layers).response() if layers else _in_plane(plate, resolution)
+    )
 
 
 @once
@@ -179,7 +221,9 @@ def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> Elastic
 
 
 def parts_in(layout: Layout, mesh: StageMesh) -> ElasticParts:
-    """Return the compliance of every moving body and every hinge by finite elements of it alone, on a mesh."""
+    """Return the compliance of every moving body and every hinge by finite elements of it alone, on
+    a mesh.
+    """
     return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
@@ -200,11 +244,13 @@ class Lifted(NamedTuple):
 
 @once
 def lifted(mechanism: Mechanism) -> Lifted:
-    """Solve finite elements out of the plane, on a mesh that is coarse in the plane, with few and with more layers.
+    """Solve finite elements out of the plane, on a mesh that is coarse in the plane, with few and
+    with more layers.
 
     Raises ComputationFailed for too many unknowns.
     """
-    compliances, frequencies = list[Array](), list[float]()
+    compliances = list[Array]()
+    frequencies = list[float]()
     for layers in LIFTED_LAYERS:
         model = factorised(mechanism, LIFTED_RESOLUTION, layers, lifting=True)
         compliances.append(model.response().compliance)
@@ -223,13 +269,17 @@ def lifted(mechanism: Mechanism) -> Lifted:
 
 
 def lifted_mesh_error(layout: Layout) -> float:
-    """Return the possible error, relative, of a frequency out of the plane by the mesh in the plane."""
+    """Return the possible error, relative, of a frequency out of the plane by the mesh in the
+    plane.
+    """
     neck = min((joint.profile.neck for joint in layout.joints), default=layout.thickness / THIN)
     return LIFTED_MESH * float(np.clip(THIN * neck / layout.thickness, 1.0, MOST_OF_THIN))
 
 
 def _of_layers(few: Array, many: Array, of_mesh: float) -> Array:
-    """Band (3, 3) of a matrix out of the plane by its layers and its mesh, which changes it by twice a frequency."""
+    """Band (3, 3) of a matrix out of the plane by its layers and its mesh, which changes it by
+    twice a frequency.
+    """
     scale = np.sqrt(np.outer(np.diag(many), np.diag(many)))
     return np.asarray(SAFETY * np.abs(many - few) + 2 * of_mesh * scale)
 
@@ -252,8 +302,11 @@ class Thickened(NamedTuple):
         return of_parts(self.solid) - of_parts(self.plane)
 
     def stress_ratios(self, wrenches: Array) -> Array:
-        """Ratios (..., h) of highest stresses to those in plane stress, of hinges under wrenches (..., h, 3)."""
-        alike, ratios = dict[int, list[int]](), np.ones(wrenches.shape[:-1])
+        """Ratios (..., h) of highest stresses to those in plane stress, of hinges under wrenches
+        (..., h, 3).
+        """
+        alike = dict[int, list[int]]()
+        ratios = np.ones(wrenches.shape[:-1])
         for number, hinge in enumerate(self.hinges):
             alike.setdefault(id(hinge), []).append(number)
         for numbers in alike.values():
@@ -263,10 +316,13 @@ class Thickened(NamedTuple):
     def strain_ratios(self, wrenches: Array) -> Array:
         """Ratios (h,) of strains to those in plane stress, of hinges under wrenches (h, 3).
 
-        At the faces a hinge bends nearly as in plane stress. One variant has the change of the openings instead.
-        """
+        At the faces a hinge bends nearly as in plane stress. One variant has the change of the
+        openings instead."""
         assert self.plane.hinges is not None and self.solid.hinges is not None
-        works = [np.einsum("hi,hij,hj->h", wrenches, C, wrenches) for C in (self.plane.hinges, self.solid.hinges)]
+        works = [
+            np.einsum("hi,hij,hj->h", wrenches, C, wrenches)
+            for C in (self.plane.hinges, self.solid.hinges)
+        ]
         loaded = works[0] > 0
         ratios = np.ones(len(wrenches))
         if self.share != 1:
@@ -276,16 +332,17 @@ class Thickened(NamedTuple):
 
 @once
 def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
-    """Return the effect of the thickness, then possible variants of it, whose differences from it bound its error.
+    """Return the effect of the thickness, then possible variants of it, whose differences from it
+    bound its error.
 
     Nothing for a plane model, and for a mechanism without hinges.
 
     Notes
     -----
-    In three dimensions the compliance of a plate is that of plane finite elements plus the change of the network of
-    its parts when hinges have their compliance in three dimensions. Bodies are in plane stress. The variants have ends
-    of hinges that contract, more layers by extrapolation, bodies that are partly in plane strain, and another stress.
-    """
+    In three dimensions the compliance of a plate is that of plane finite elements plus the change
+    of the network of its parts when hinges have their compliance in three dimensions. Bodies are in
+    plane stress. The variants have ends of hinges that contract, more layers by extrapolation,
+    bodies that are partly in plane strain, and another stress."""
     if mechanism.model != "three_dimensional" or not mechanism.layout.joints:
         return ()
     plane = parts_of(mechanism)
@@ -294,18 +351,25 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
     held, coarser, loose = (np.array(parts) for parts in list(zip(*hinges, strict=True))[:3])
     remaining = (held - coarser) / ((MANY_LAYERS / FEW_LAYERS) ** ORDER_OF_LAYERS - 1)
     thickness = mechanism.layout.thickness
-    shares = contraction([thickness / joint.profile.end_height for joint in mechanism.layout.joints])
+    shares = contraction(
+        [thickness / joint.profile.end_height for joint in mechanism.layout.joints]
+    )
     change = held + shares[:, None, None] * (loose - held)
     materials = mechanism.layout.materials
     stiffer = tuple(
-        body._replace(compliance=(1 - OF_PLANE_STRAIN * materials[body.body].poissons_ratio ** 2) * body.compliance)
+        body._replace(
+            compliance=(1 - OF_PLANE_STRAIN * materials[body.body].poissons_ratio ** 2)
+            * body.compliance
+        )
         for body in plane.bodies
     )
     nu = max(material.poissons_ratio for material in materials)
     best = Thickened(plane, plane._replace(hinges=plane.hinges + change), hinges)
     return (
         best,
-        best._replace(solid=plane._replace(hinges=plane.hinges + change + OF_CONTRACTION * (loose - held))),
+        best._replace(
+            solid=plane._replace(hinges=plane.hinges + change + OF_CONTRACTION * (loose - held))
+        ),
         best._replace(solid=plane._replace(hinges=plane.hinges + change + remaining)),
         best._replace(solid=best.solid._replace(bodies=stiffer)),
         best._replace(share=1 - OF_THE_RATIO),
@@ -315,22 +379,37 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
 
 @once
 def has_slender_bodies(mechanism: Mechanism) -> bool:
-    """Whether bodies have so much of the compliance of the output that plane stress may not hold for them."""
-    layout, parts = mechanism.layout, parts_of(mechanism)
+    """Whether bodies have so much of the compliance of the output that plane stress may not hold
+    for them.
+    """
+    layout = mechanism.layout
+    parts = parts_of(mechanism)
     if not layout.joints:
         return True
     whole, rigid = (
-        np.diag(respond(layout, bodies, hinges=parts.hinges).compliance)[:3] for bodies in (parts.bodies, ())
+        np.diag(respond(layout, bodies, hinges=parts.hinges).compliance)[:3]
+        for bodies in (parts.bodies, ())
     )
     return bool(np.max(1 - rigid / whole) > SLENDER_BODIES)
 
 
 def mesh_of(
-    plate: Stage | Mechanism, models: Models, resolution: int | None, layers: int | None, **usual: int
+    plate: Stage | Mechanism,
+    models: Models,
+    resolution: int | None,
+    layers: int | None,
+    **usual: int,
 ) -> Mesh | None:
-    """As `setup.mesh_of`; a mechanism whose bodies bend like hinges is by default wholly in three dimensions."""
+    """As `setup.mesh_of`; a mechanism whose bodies bend like hinges is by default wholly in three
+    dimensions.
+    """
     mesh = plain_mesh_of(plate, models, resolution, layers, **usual)
-    if mesh is None or layers is not None or isinstance(plate, Stage) or plate.model != "three_dimensional":
+    if (
+        mesh is None
+        or layers is not None
+        or isinstance(plate, Stage)
+        or plate.model != "three_dimensional"
+    ):
         return mesh
     if not has_slender_bodies(plate):
         return mesh
@@ -338,22 +417,27 @@ def mesh_of(
 
 
 def joined_parts(mechanism: Mechanism, elastic: bool) -> ElasticParts:
-    """Return the parts of the analytic network: rigid bodies, or elastic ones with hinges of the model's dimensions."""
+    """Return the parts of the analytic network: rigid bodies, or elastic ones with hinges of the
+    model's dimensions.
+    """
     if not elastic:
         return ElasticParts()
     thickness = thickness_of(mechanism)
     return thickness[0].solid if thickness else parts_of(mechanism)
 
 
-def stress_by(mechanism: Mechanism, wrenches: Array, elastic: bool = False, across: ArrayLike = 0.0) -> Array:
+def stress_by(
+    mechanism: Mechanism, wrenches: Array, elastic: bool = False, across: ArrayLike = 0.0
+) -> Array:
     """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3).
 
     elastic : of the network of elastic parts, whose hinges have the dimensions of the model.
-    across : (..., hinges), MPa, stress out of the plane besides that of plane strain, at the centres of the hinges.
+    across : (..., hinges), MPa, stress out of the plane besides that of plane strain, at the
+    centres of the hinges.
 
-    In the analytic network of wide hinges it follows their deformation, which the thickness hinders: the highest von
-    Mises stress of a bent wide strip is within some per cent that of a narrow one of equal curvature.
-    """
+    In the analytic network of wide hinges it follows their deformation, which the thickness
+    hinders: the highest von Mises stress of a bent wide strip is within some per cent that of a
+    narrow one of equal curvature."""
     layout = mechanism.layout
     if not elastic:
         wrenches = wrenches * compliance_ratios(layout)
@@ -363,17 +447,23 @@ def stress_by(mechanism: Mechanism, wrenches: Array, elastic: bool = False, acro
 
 
 def _narrow_stress(layout: Layout, wrenches: Array, across: ArrayLike = 0.0) -> Array:
-    """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3) in the plane."""
+    """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3) in
+    the plane.
+    """
     across = np.broadcast_to(across, wrenches.shape[:-1])
     highest = list[Array]()
     for h, one in enumerate(layout.joints):
         ratio = layout.material_of(one).out_of_plane
-        highest.append(one.profile.stress(wrenches[..., h, :], layout.thickness, ratio, across[..., h]))
+        highest.append(
+            one.profile.stress(wrenches[..., h, :], layout.thickness, ratio, across[..., h])
+        )
     return np.stack(highest, axis=-1)
 
 
 def wide_stress_ratios(layout: Layout, wrenches: Array) -> Array:
-    """Return the ratios (h,) of the highest stress of wide hinges under wrenches (h, 3) to that in plane stress."""
+    """Return the ratios (h,) of the highest stress of wide hinges under wrenches (h, 3) to that in
+    plane stress.
+    """
     plane = _narrow_stress(layout, wrenches)
     wide = _narrow_stress(layout, wrenches * compliance_ratios(layout))
     return np.divide(wide, plane, out=np.ones_like(plane), where=plane > 0)
@@ -386,12 +476,18 @@ def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     found = respond(mechanism.layout, parts.bodies, hinges=parts.hinges)
     return Responses(
         found.compliance,
-        lambda loads: stress_by(mechanism, np.einsum("hck,...k->...hc", found.wrenches, loads), elastic),
+        lambda loads: stress_by(
+            mechanism, np.einsum("hck,...k->...hc", found.wrenches, loads), elastic
+        ),
     )
 
 
-def elements(plate: Stage | Mechanism, resolution: int, layers: int = 0, thick: Thickened | None = None) -> Responses:
-    """Return the response of finite elements, of plane ones with the change by the thickness of hinges if given."""
+def elements(
+    plate: Stage | Mechanism, resolution: int, layers: int = 0, thick: Thickened | None = None
+) -> Responses:
+    """Return the response of finite elements, of plane ones with the change by the thickness of
+    hinges if given.
+    """
     plane = responses(plate, solved(plate, resolution, layers))
     if thick is None:
         return plane
@@ -403,7 +499,9 @@ def elements(plate: Stage | Mechanism, resolution: int, layers: int = 0, thick: 
     wrenches = respond(layout, thick.solid.bodies, hinges=thick.solid.hinges).wrenches
 
     def stress(loads: Array) -> Array:
-        return plane.stress(loads) * thick.stress_ratios(np.einsum("hck,...k->...hc", wrenches, loads))
+        return plane.stress(loads) * thick.stress_ratios(
+            np.einsum("hck,...k->...hc", wrenches, loads)
+        )
 
     def bodies(loads: Array) -> BodyStress:
         assert plane.bodies is not None
@@ -419,39 +517,46 @@ def elements(plate: Stage | Mechanism, resolution: int, layers: int = 0, thick: 
 
 
 def responses(plate: Stage | Mechanism, response: Response) -> Responses:
-    """Return compliance and stress of finite elements; the hinges of a stage are those of (3 chains, 3 hinges)."""
+    """Return compliance and stress of finite elements; the hinges of a stage are those of (3
+    chains, 3 hinges).
+    """
 
     def stress(loads: Array) -> Array:
         if isinstance(plate, Mechanism):
             return hinge_stress(response, loads)
-        return neck_stresses(plate, response, loads.reshape(-1, 3)).highest.reshape(*loads.shape[:-1], 3, 3)
+        return neck_stresses(plate, response, loads.reshape(-1, 3)).highest.reshape(
+            *loads.shape[:-1], 3, 3
+        )
 
     if not response.bodies:
         return Responses(response.compliance, stress)
     bodies = partial(body_stress, response, plate.layout)
-    return Responses(response.compliance, stress, bodies, partial(point_stress, response, plate.layout))
+    return Responses(
+        response.compliance, stress, bodies, partial(point_stress, response, plate.layout)
+    )
 
 
 Values: TypeAlias = dict[str, Any]  # of one model by quantity
 Bands: TypeAlias = Callable[[Array, list[Values], Sequence[Values]], Mapping[str, Any]]
 """Function from the resolutions of three meshes and the values on them to bands.
 
-The last argument is empty in the plane. In three dimensions it has variants of values, then these values, whose
-differences bound the error by the thickness: on the coarsest mesh with few and with many layers, or `thickness_of`.
-"""
+The last argument is empty in the plane. In three dimensions it has variants of values, then these
+values, whose differences bound the error by the thickness: on the coarsest mesh with few and with
+many layers, or `thickness_of`. """
 OfSize: TypeAlias = Callable[..., Values]
 """Function from a resolution and a number of layers, 0 in the plane, to values.
 
-For a mechanism a third argument, `Thickened`, is the effect of the thickness to be added to a plane solution.
-"""
+For a mechanism a third argument, `Thickened`, is the effect of the thickness to be added to a plane
+solution. """
 
 
 def value_bands(sizes: Array, each: list[Values], ends: Sequence[Values] = ()) -> dict[str, Any]:
-    """Return the bands of values on three meshes of resolutions `sizes`, in three dimensions with those of `Bands`.
+    """Return the bands of values on three meshes of resolutions `sizes`, in three dimensions with
+    those of `Bands`.
 
-    Highest stresses on three meshes can agree by chance. Their bands have a least value, which falls with the square of
-    the resolution. `benchmarks/mechanism_bands.py` counts how many bands contain the values of a finer mesh.
-    """
+    Highest stresses on three meshes can agree by chance. Their bands have a least value, which
+    falls with the square of the resolution. `benchmarks/mechanism_bands.py` counts how many bands
+    contain the values of a finer mesh."""
     kept = [name for name in each[0] if name not in PLACES]
     found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in kept}
     if ends:
@@ -460,7 +565,11 @@ def value_bands(sizes: Array, each: list[Values], ends: Sequence[Values] = ()) -
             changes = np.abs([one[name] - best[name] for one in variants])
             found[name] = band + SAFETY * np.sum(changes, axis=0)
     least = PEAK_BAND * (8 / sizes[-1]) ** 2
-    return found | {name: np.maximum(found[name], least * np.abs(each[-1][name])) for name in PEAKS if name in found}
+    return found | {
+        name: np.maximum(found[name], least * np.abs(each[-1][name]))
+        for name in PEAKS
+        if name in found
+    }
 
 
 def by_elements(
@@ -473,16 +582,18 @@ def by_elements(
 ) -> dict[str, ModelAnswer]:
     """Return the values of plane finite elements, or of three dimensions, and their bands.
 
-    thickness : as of `thickness_of`; without layers the values are then in three dimensions by this effect.
+    thickness : as of `thickness_of`; without layers the values are then in three dimensions by this
+    effect.
     whole : with layers, solve the finest mesh with all layers, and no plane problem.
 
     Notes
     -----
-    Otherwise a value with layers is that of the coarsest mesh with all layers, plus the change to the finest mesh with
-    one layer: `v(coarse, layers) + v(fine, 1) - v(coarse, 1)`. So no fine mesh has many layers. On a stage with 24 leaf
-    springs this is within 1e-5 of the compliance, and 0.5 % of the stress, of the finest mesh with three layers.
-    """
-    steps, found = levels(mesh.resolution), dict[str, ModelAnswer]()
+    Otherwise a value with layers is that of the coarsest mesh with all layers, plus the change to
+    the finest mesh with one layer: `v(coarse, layers) + v(fine, 1) - v(coarse, 1)`. So no fine mesh
+    has many layers. On a stage with 24 leaf springs this is within 1e-5 of the compliance, and 0.5
+    % of the stress, of the finest mesh with three layers."""
+    steps = levels(mesh.resolution)
+    found = dict[str, ModelAnswer]()
     sizes = np.array(steps, dtype=float)
     if not mesh.layers and thickness:
         best, *variants = thickness
@@ -511,7 +622,8 @@ def by_models(
     progress: Progress | None = None,
     bands: Bands = value_bands,
 ) -> dict[str, ModelAnswer]:
-    """Return the values of all requested models, with bands of finite elements; a stage has one analytic model.
+    """Return the values of all requested models, with bands of finite elements; a stage has one
+    analytic model.
 
     A plate without hinges has no analytic model.
 
@@ -549,8 +661,12 @@ def of_models(
 
 
 def left_out_corners(layout: Layout, mesh: StageMesh) -> list[str]:
-    """Warn of sharp corners of bodies near which no stress is stated, with the rule; corners of hinges apart."""
-    moving = np.isin(mesh.bodies, [index for index, body in enumerate(layout.bodies) if body.fixed], invert=True)
+    """Warn of sharp corners of bodies near which no stress is stated, with the rule; corners of
+    hinges apart.
+    """
+    moving = np.isin(
+        mesh.bodies, [index for index, body in enumerate(layout.bodies) if body.fixed], invert=True
+    )
     part = mesh._replace(triangles=mesh.triangles[moving], bodies=mesh.bodies[moving])
     of_hinges = part.triangles[part.bodies >= len(layout.bodies)]
     texts = list[str]()
@@ -563,13 +679,17 @@ def left_out_corners(layout: Layout, mesh: StageMesh) -> list[str]:
             more = f" and {len(places) - MOST_CORNERS} more" * (len(places) > MOST_CORNERS)
             texts.append(f"{body.name} within {left_out_within(body):.3g} mm of {named}{more}")
     return [
-        "the stress of bodies is singular at corners that are sharp in the drawing and at ends of clamped edges: it is "
-        f"not stated within a quarter of the mean width of the body from there ({'; '.join(texts)})"
+        "the stress of bodies is singular at corners that are sharp in the drawing and at ends "
+        "of clamped edges: it is not stated within a quarter of the mean width of the body from "
+        f"there ({'; '.join(texts)})"
     ] * bool(texts)
 
 
-def over_yield(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str) -> list[str]:
-    """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the load.
+def over_yield(
+    plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str
+) -> list[str]:
+    """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the
+    load.
 
     Stresses of bodies under the load count, too.
     """
@@ -577,59 +697,91 @@ def over_yield(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stres
     for model in found.values():
         for name in (stress, "body_stress"):
             if name in model.values:
-                highest.append(float(np.max(model.values[name] * shares_of_yield(plate, name), initial=0.0)))
+                highest.append(
+                    float(np.max(model.values[name] * shares_of_yield(plate, name), initial=0.0))
+                )
     return warning.of_yield(max(highest), plate.material.yield_strength, where)
 
 
 def shares_of_yield(plate: Stage | Mechanism, stress: str) -> Array | float:
-    """Return the yield strength of the plate over those of the hinges or bodies of a named stress; one of a stage."""
+    """Return the yield strength of the plate over those of the hinges or bodies of a named stress;
+    one of a stage.
+    """
     if isinstance(plate, Stage) or not plate.layout.mixed:
         return 1.0
     layout = plate.layout
-    return layout.yield_strength / layout.body_strengths if stress.startswith("body") else layout.hinge_shares
+    return (
+        layout.yield_strength / layout.body_strengths
+        if stress.startswith("body")
+        else layout.hinge_shares
+    )
 
 
 class MechanismErrors(Result):
-    """Errors of the analytic networks of a mechanism: of motions by single forces, and of those by actuators."""
+    """Errors of the analytic networks of a mechanism: of motions by single forces, and of those by
+    actuators.
+    """
 
     title = "errors of the analytic models"
     main = ("percent", {})
     figure = "errors.mechanism_figure"
     labels: ClassVar = {"commanded": DIRECTIONS}
     reading = (
-        "positioning error: motion of finite elements minus that of the model, by the force or moment that moves the "
-        "model as commanded, with the other directions free; rotations are multiplied by the lever",
+        "positioning error: motion of finite elements minus that of the model, by the force or "
+        "moment that moves the model as commanded, with the other directions free; rotations are "
+        "multiplied by the lever",
         ALONG_READ,
     )
     percent = Quantity(
-        "positioning error, % of the commanded motion", "percents", ("model", "commanded", "direction"), POINTS
+        "positioning error, % of the commanded motion",
+        "percents",
+        ("model", "commanded", "direction"),
+        POINTS,
     )
-    driven = Quantity("error of the amplification", "percent", ("model", "actuator"), POINTS, note=AMPLIFICATION_READ)
-    free = Quantity("stiffness, other directions free", "stiffness", ("model", "direction"), ON_MESHES, shown=False)
+    driven = Quantity(
+        "error of the amplification",
+        "percent",
+        ("model", "actuator"),
+        POINTS,
+        note=AMPLIFICATION_READ,
+    )
+    free = Quantity(
+        "stiffness, other directions free",
+        "stiffness",
+        ("model", "direction"),
+        ON_MESHES,
+        shown=False,
+    )
     lever = Quantity("lever of the output: distance to its farthest hinge", "mm")
 
 
 def amplification(layout: Layout, compliance: Array) -> Array:
-    """Return the motion (..., a, 3) of the free output per opening of one actuator, from compliances (..., k, k)."""
+    """Return the motion (..., a, 3) of the free output per opening of one actuator, from
+    compliances (..., k, k).
+    """
     drives = layout.drive_ports
     opening = np.diagonal(compliance, axis1=-2, axis2=-1)[..., None, drives]
     return np.asarray(np.swapaxes(compliance[..., :3, drives] / opening, -1, -2))
 
 
 def held_notes(compliance: Array, lever: float) -> list[str]:
-    """Return a note on the directions in which the output of a compliance (3, 3) is held; none without such ones."""
+    """Return a note on the directions in which the output of a compliance (3, 3) is held; none
+    without such ones.
+    """
     names = ", ".join(compress(DIRECTIONS, held(compliance, lever)))
     return [
-        f"no error in {names}: there the mechanism is more than {HELD:g} times as stiff as in its softest direction "
-        "(rotations times the lever), and a share of a commanded motion says nothing about its use"
+        f"no error in {names}: there the mechanism is more than {HELD:g} times as stiff as in its "
+        "softest direction (rotations times the lever), and a share of a commanded motion says "
+        "nothing about its use"
     ] * bool(names)
 
 
 class Compared(NamedTuple):
-    """Finite elements with which analytic models are compared: of the plane, or of three dimensions, by `label`.
+    """Finite elements with which analytic models are compared: of the plane, or of three
+    dimensions, by `label`.
 
-    compliance : (k, k), of the ports.   motions : (a, 3), of the output per opening.   bands : of both.
-    """
+    compliance : (k, k), of the ports.   motions : (a, 3), of the output per opening.   bands : of
+    both."""
 
     label: str
     compliance: Array
@@ -647,7 +799,9 @@ class Compared(NamedTuple):
 
 
 def compared(mechanism: Mechanism, mesh: Mesh, progress: Progress | None = None) -> Compared:
-    """Solve the finite elements of a mechanism with which its analytic models are compared, as in every question."""
+    """Solve the finite elements of a mechanism with which its analytic models are compared, as in
+    every question.
+    """
 
     def values(response: Responses) -> Values:
         return {
@@ -655,7 +809,9 @@ def compared(mechanism: Mechanism, mesh: Mesh, progress: Progress | None = None)
             "amplification": amplification(mechanism.layout, response.compliance),
         }
 
-    label, (found, bands) = list(of_models(mechanism, mesh, "elements", values, progress).items())[-1]
+    label, (found, bands) = list(of_models(mechanism, mesh, "elements", values, progress).items())[
+        -1
+    ]
     return Compared(label, found["compliance"], found["amplification"], bands)
 
 
@@ -666,11 +822,18 @@ def verification(mechanism: Mechanism, layers: int | None = None) -> MechanismEr
 
     Raises BadInput for a mechanism without hinges.
     """
-    require_hinges(mechanism, "which the analytic models need that are compared with finite elements", BY_ELEMENTS)
+    require_hinges(
+        mechanism,
+        "which the analytic models need that are compared with finite elements",
+        BY_ELEMENTS,
+    )
     mesh = mesh_of(mechanism, "both", None, layers)
     assert mesh is not None
-    layout, models, finest = mechanism.layout, dict[str, ModelAnswer](), compared(mechanism, mesh)
-    lever, elements_at = layout.lever, finest.compliance[:3, :3]
+    layout = mechanism.layout
+    models = dict[str, ModelAnswer]()
+    finest = compared(mechanism, mesh)
+    lever = layout.lever
+    elements_at = finest.compliance[:3, :3]
     unused = held(elements_at, lever)
     for label in (ANALYTIC, ELASTIC):
         model = network(mechanism, label == ELASTIC).compliance
@@ -679,8 +842,11 @@ def verification(mechanism: Mechanism, layers: int | None = None) -> MechanismEr
         values = {"percent": errors, "free": 1 / np.diag(model)[:3]}
         bands = {"percent": finest.percent_band(model[:3, :3], lever).T}
         if layout.actuators:
-            values["driven"] = amplification_errors(amplification(layout, model), finest.motions, lever)
+            values["driven"] = amplification_errors(
+                amplification(layout, model), finest.motions, lever
+            )
             bands["driven"] = finest.driven_band(model, layout)
         models[label] = ModelAnswer(values, bands)
-    settings, notes = {"compared with": finest.label}, held_notes(elements_at, lever)
+    settings = {"compared with": finest.label}
+    notes = held_notes(elements_at, lever)
     return answer(MechanismErrors, mechanism, models, mesh, settings, {"lever": lever}, notes=notes)

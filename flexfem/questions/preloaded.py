@@ -1,8 +1,8 @@
-"""Mechanisms at an equilibrium under preloads of actuators, residual stress and a stated load: tangents by both models.
+"""Mechanisms at an equilibrium under preloads of actuators, residual stress and a stated load:
+tangents by both models.
 
-Plane finite elements follow the nonlinear equilibrium. In three dimensions the stiffness changes by the linear stress
-in the shape at rest; this includes motion out of the plane.
-"""
+Plane finite elements follow the nonlinear equilibrium. In three dimensions the stiffness changes by
+the linear stress in the shape at rest; this includes motion out of the plane."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from flexfem.questions.loads import StatedLoad
 from flexfem.questions.plates import LIFTED_LAYERS, LIFTED_RESOLUTION, lifted_mesh_error
 
 IN_THREE_DIMENSIONS = (
-    "under the preload, the stiffness in three dimensions and out of the plane changes by the linear stress in the "
-    "shape at rest; plane finite elements and beams follow the displacements"
+    "under the preload, the stiffness in three dimensions and out of the plane changes by the "
+    "linear stress in the shape at rest; plane finite elements and beams follow the displacements"
 )
 
 
@@ -41,7 +41,11 @@ def described(mechanism: Mechanism, load: Array) -> str:
     """Return what a mechanism is preloaded by, for the settings of a result."""
     layout = mechanism.layout
     named = zip(layout.ports, load, strict=True)
-    parts = [f"{force:.4g} {'N mm' if port.rotation else 'N'} on {port.label}" for port, force in named if force]
+    parts = [
+        f"{force:.4g} {'N mm' if port.rotation else 'N'} on {port.label}"
+        for port, force in named
+        if force
+    ]
     if layout.residual_stress:
         parts.append(f"residual stress {layout.residual_stress:g} MPa")
     return ", ".join(parts)
@@ -57,9 +61,16 @@ def compliance_under(mechanism: Mechanism, load: Array, resolution: int, layers:
 
 
 def modes_under(
-    mechanism: Mechanism, load: Array, resolution: int, layers: int, lifting: bool, count: int, engaged: bool
+    mechanism: Mechanism,
+    load: Array,
+    resolution: int,
+    layers: int,
+    lifting: bool,
+    count: int,
+    engaged: bool,
 ) -> tuple[Modes, Array]:
-    """Return modes by finite elements under a load (k,), and the unit loads (size, k) on their unknowns.
+    """Return modes by finite elements under a load (k,), and the unit loads (size, k) on their
+    unknowns.
 
     lifting : out of the plane, with layers.   engaged : with the stiffness of the actuators.
     """
@@ -70,7 +81,9 @@ def modes_under(
     return modes_of_tangent(model.mass, solve, count, stacks, springs), model.ports
 
 
-def _solver(mechanism: Mechanism, model: PlateModel, load: Array, size: tuple[int, int], lifting: bool) -> Solve:
+def _solver(
+    mechanism: Mechanism, model: PlateModel, load: Array, size: tuple[int, int], lifting: bool
+) -> Solve:
     """Return the inverse of the tangent stiffness of a model under a load (k,)."""
     if not size[1]:
         return tangent_at(model, load).solve
@@ -82,7 +95,11 @@ def _solver(mechanism: Mechanism, model: PlateModel, load: Array, size: tuple[in
 def first_out_of_plane(mechanism: Mechanism, load: Array) -> tuple[float, float]:
     """Return the first natural frequency out of the plane, rad/s, under a load (k,), and its band."""
     few, many = (
-        float(modes_under(mechanism, load, LIFTED_RESOLUTION, layers, True, 1, False)[0].frequencies[0])
+        float(
+            modes_under(mechanism, load, LIFTED_RESOLUTION, layers, True, 1, False)[0].frequencies[
+                0
+            ]
+        )
         for layers in LIFTED_LAYERS
     )
     return many, SAFETY * abs(many - few) + lifted_mesh_error(mechanism.layout) * many

@@ -1,12 +1,13 @@
-"""Range of the output of a mechanism at finite displacements: driven along one direction until a limit.
+"""Range of the output of a mechanism at finite displacements: driven along one direction until a
+limit.
 
-The range ends at the first of: yield of a hinge or of a body, buckling, contact of two parts of the plate, and the
-stroke of an actuator that the motion opens. The beams of `analytic.paths` find the limit and its kind. Plane finite
-elements with finite rotations are then driven to this displacement, and give the ratios of the force and of the highest
-stress to those of linear theory. The linear numbers are those of the last model, so that the mesh and the thickness
-enter once. The effect of the thickness on the ratios is that of beams with the compliance of hinges in three dimensions
-against beams in plane stress.
-"""
+The range ends at the first of: yield of a hinge or of a body, buckling, contact of two parts of the
+plate, and the stroke of an actuator that the motion opens. The beams of `analytic.paths` find the
+limit and its kind. Plane finite elements with finite rotations are then driven to this
+displacement, and give the ratios of the force and of the highest stress to those of linear theory.
+The linear numbers are those of the last model, so that the mesh and the thickness enter once. The
+effect of the thickness on the ratios is that of beams with the compliance of hinges in three
+dimensions against beams in plane stress."""
 
 from __future__ import annotations
 
@@ -52,39 +53,72 @@ from flexfem.units import DIRECTIONS
 
 UNKNOWN = "unknown"  # kind of an end that finite elements do not reach
 SENSES = (1.0, -1.0)
-SYMMETRIC = 1e-4  # of a displacement: smaller motions across it come from meshes, and nothing needs to hold them
-ALIKE = 1e-3  # relative difference, by the meshes of hinges, of two ends of beams that are one by symmetry
+# of a displacement: smaller motions across it come from meshes, and nothing needs to hold them
+SYMMETRIC = 1e-4
+# relative difference, by the meshes of hinges, of two ends of beams that are one by symmetry
+ALIKE = 1e-3
 HOLDS = 0.5  # of the band of the linear range: linear theory holds if beams change it by less
-OF_THE_THICKNESS = 0.25  # possible error of the effect of the thickness on the ratios to linear theory
-OF_THE_MESH = 2e-3  # of the change of the force; 1e-4 measured between meshes of resolutions 3 and 6
+OF_THE_THICKNESS = (
+    0.25  # possible error of the effect of the thickness on the ratios to linear theory
+)
+OF_THE_MESH = (
+    2e-3  # of the change of the force; 1e-4 measured between meshes of resolutions 3 and 6
+)
 OF_THE_PEAK = 0.02  # of the change of the stress, where bending and tension concentrate differently
 MOST_CHECKS = 5
 CLOSE = 0.06  # of a displacement: a larger step is followed by other finite elements
-OF_THE_STEP = 0.1  # of a step from the displacement of finite elements to the limit, by powers, that is close
-BEFORE_CONTACT = 0.97  # of the displacement at which parts touch: there finite elements still have a gap
+OF_THE_STEP = (
+    0.1  # of a step from the displacement of finite elements to the limit, by powers, that is close
+)
+BEFORE_CONTACT = (
+    0.97  # of the displacement at which parts touch: there finite elements still have a gap
+)
 LEAST_POWER = 0.5  # of the displacement, of the stress in bodies where the force no longer grows
 LIMITS = (YIELD, BODY_YIELD, BUCKLING, CONTACT, STROKE, NO_LIMIT, UNKNOWN)
 
 RANGE_LABELS = {
     "others": ("held", "free"),
     "sense": ("positive", "negative"),
-    "limit": ("yield of a hinge", "yield of a body", "buckling", "contact", "stroke of the drive", "none", "unknown"),
+    "limit": (
+        "yield of a hinge",
+        "yield of a body",
+        "buckling",
+        "contact",
+        "stroke of the drive",
+        "none",
+        "unknown",
+    ),
 }
 RANGE = Quantity(
-    "range of the output until a limit", "motion", ("others", "sense", "direction"), STRESS, only="mechanism",
-    note="at finite displacements, driven along one direction from rest, the other directions held or free",
-)  # fmt: skip
+    "range of the output until a limit",
+    "motion",
+    ("others", "sense", "direction"),
+    STRESS,
+    only="mechanism",
+    note=(
+        "at finite displacements, driven along one direction from rest, the other directions "
+        "held or free"
+    ),
+)
 RANGE_FORCE = Quantity(
-    "force at the end of the range", "wrench", ("others", "sense", "direction"), STRESS, only="mechanism"
+    "force at the end of the range",
+    "wrench",
+    ("others", "sense", "direction"),
+    STRESS,
+    only="mechanism",
 )
 RANGE_LIMIT = Quantity(
-    "limit at which the range ends", "", ("others", "sense", "limit", "direction"), only="mechanism",
+    "limit at which the range ends",
+    "",
+    ("others", "sense", "limit", "direction"),
+    only="mechanism",
     note="1 for the limit that governs, 0 for the others",
-)  # fmt: skip
+)
 
 
 class RangeEnd(NamedTuple):
-    """End of a range with its bands: displacement, mm or rad, and force, N or N mm, along one sense of a direction.
+    """End of a range with its bands: displacement, mm or rad, and force, N or N mm, along one sense
+    of a direction.
 
     hinge, body : numbers of the hinge and of the moving body with the highest stress.
     linear : whether the numbers are those of linear theory.   parts : what touches or drives.
@@ -108,7 +142,8 @@ class RangeEnd(NamedTuple):
 
 
 class _Linear(NamedTuple):
-    """Force, highest stress of hinges and of bodies (3,) per displacement of the last model, and relative bands (3,).
+    """Force, highest stress of hinges and of bodies (3,) per displacement of the last model, and
+    relative bands (3,).
 
     body : number of the moving body with the highest stress.
     """
@@ -130,10 +165,11 @@ class Ranges(NamedTuple):
 
 
 def slopes_of(layout: Layout, response: Responses, port: int, held: Sequence[int]) -> Array:
-    """Return force, highest stress of hinges and of bodies (3,) per displacement of a port, others held or free.
+    """Return force, highest stress of hinges and of bodies (3,) per displacement of a port, others
+    held or free.
 
-    The stress of parts of another material is multiplied by `Layout.hinge_shares` and `body_shares`, as that of beams.
-    """
+    The stress of parts of another material is multiplied by `Layout.hinge_shares` and
+    `body_shares`, as that of beams."""
     load = _unit_displacement(response.compliance, port, held)
     bodies = 0.0
     if response.bodies is not None:
@@ -150,20 +186,24 @@ def _unit_displacement(compliance: Array, port: int, held: Sequence[int]) -> Arr
 
 
 def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> Ranges:
-    """Return the ends of the ranges of a mechanism along every direction, in both senses, others held or free.
+    """Return the ends of the ranges of a mechanism along every direction, in both senses, others
+    held or free.
 
     found : values at rest of all models, of which the last one is used.
     """
     layout = mechanism.layout
     thickness = thickness_of(mechanism) if mesh is not None else ()
     if mesh is None:
-        plane = beams = DrivenPlate(layout, hinge_compliances(layout), partial(wide_stress_ratios, layout))
+        plane = beams = DrivenPlate(
+            layout, hinge_compliances(layout), partial(wide_stress_ratios, layout)
+        )
     else:
         plane = beams = DrivenPlate(layout, parts_of(mechanism).hinges)
     if thickness:
         beams = DrivenPlate(layout, thickness[0].solid.hinges, thickness[0].stress_ratios)
     last = list(found.values())[-1]
-    ends, known = dict[tuple[int, int, int], RangeEnd](), list[tuple[tuple[PathEnd, int], RangeEnd]]()
+    ends = dict[tuple[int, int, int], RangeEnd]()
+    known = list[tuple[tuple[PathEnd, int], RangeEnd]]()
     for axis, sense in product(range(3), range(2)):
         others = [port for port in range(3) if port != axis]
         free = beams_end = None
@@ -201,9 +241,14 @@ def described(layout: Layout, found: Ranges) -> list[str]:
             STROKE: f"stroke of actuator {end.parts}",
             BUCKLING: f"buckling, with the highest stress in hinge {name!r}, by beams",
             NO_LIMIT: "no limit was found",
-            UNKNOWN: f"not known, because finite elements find no equilibrium near the limit of beams at {name!r}",
+            UNKNOWN: (
+                "not known, because finite elements find no equilibrium near the limit of beams "
+                f"at {name!r}"
+            ),
         }[end.kind]
-        by_limit.setdefault(limit, []).append(f"{'+-'[sense]}{DIRECTIONS[axis]} ({('held', 'free')[which]})")
+        by_limit.setdefault(limit, []).append(
+            f"{'+-'[sense]}{DIRECTIONS[axis]} ({('held', 'free')[which]})"
+        )
     return [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
 
 
@@ -216,14 +261,20 @@ def _body_name(layout: Layout, number: int) -> str:
 def _nothing_to_hold(end: PathEnd, others: Sequence[int], lever: float) -> bool:
     """Whether the output moves along its direction by itself until a hinge yields."""
     motions = np.abs(end.at.motions[others]) * [lever if port == 2 else 1.0 for port in others]
-    return end.kind == YIELD and bool(np.all(motions < SYMMETRIC * np.abs(end.displacement) * max(lever, 1.0)))
+    return end.kind == YIELD and bool(
+        np.all(motions < SYMMETRIC * np.abs(end.displacement) * max(lever, 1.0))
+    )
 
 
 def _linear(last: ModelAnswer, axis: int, held: Sequence[int], layout: Layout) -> _Linear:
     """Return the linear slopes of the last model."""
-    stiffness, at_yield, rate = ("held", "yield_range", "body_rate")
+    stiffness = "held"
+    at_yield = "yield_range"
+    rate = "body_rate"
     if not held:
-        stiffness, at_yield, rate = ("free", "free_yield_range", "free_body_rate")
+        stiffness = "free"
+        at_yield = "free_yield_range"
+        rate = "free_body_rate"
     values = last.values
     highest = layout.yield_strength / values[at_yield][axis]
     if held:
@@ -233,7 +284,9 @@ def _linear(last: ModelAnswer, axis: int, held: Sequence[int], layout: Layout) -
     if rate in values:
         bodies = values[rate][:, axis] * layout.body_shares
     if not bodies.size:
-        return _Linear(np.array([values[stiffness][axis], highest, 0.0]), np.array([*bands, 0.0]), 0)
+        return _Linear(
+            np.array([values[stiffness][axis], highest, 0.0]), np.array([*bands, 0.0]), 0
+        )
     body = int(np.argmax(bodies))
     slopes = np.array([values[stiffness][axis], highest, bodies[body]])
     return _Linear(slopes, np.array([*bands, _relative(last, rate, (body, axis))]), body)
@@ -284,7 +337,9 @@ def _checked(
     if end.kind == NO_LIMIT:
         return _without_numbers(NO_LIMIT, end)
     if mesh is None:
-        return RangeEnd(end.displacement, end.force, np.nan, np.nan, end.kind, hinge, stress, parts=end.parts)
+        return RangeEnd(
+            end.displacement, end.force, np.nan, np.nan, end.kind, hinge, stress, parts=end.parts
+        )
     if end.kind == BUCKLING:
         return _of_buckling(end, linear)
     strength = mechanism.layout.yield_strength
@@ -318,10 +373,12 @@ def _checked(
 class _Finite(NamedTuple):
     """Finite elements at a displacement, beside linear theory.
 
-    ratios : force, highest stress of hinges and of bodies (3,) over those of linear theory.   spread : possible errors.
-    peaks, bodies : highest stress of every hinge (h,) and moving body (b,), MPa.   motions : (k,), of the ports.
-    contact : displacement at which the parts touch that do by beams, over the displacement; nan without such parts.
-    """
+    ratios : force, highest stress of hinges and of bodies (3,) over those of linear theory.
+    spread : possible errors.
+    peaks, bodies : highest stress of every hinge (h,) and moving body (b,), MPa.   motions : (k,),
+    of the ports.
+    contact : displacement at which the parts touch that do by beams, over the displacement; nan
+    without such parts."""
 
     ratios: Array
     spread: Array
@@ -332,20 +389,24 @@ class _Finite(NamedTuple):
 
 
 def _powers(before: tuple[float, Array], after: tuple[float, Array]) -> Array:
-    """Return force and highest stress of hinges (2,) as powers of the displacement between two of finite elements.
+    """Return force and highest stress of hinges (2,) as powers of the displacement between two of
+    finite elements.
 
     Those of beams do not hold where bodies are soft and a limit point is near.
     """
-    (x, values), (farther, more) = before, after
+    x, values = before
+    farther, more = after
     found = np.log(more[:2] / values[:2]) / np.log(farther / x)
     return np.asarray(np.maximum(found, [-np.inf, LEAST_POWER]))
 
 
-def _steps(layout: Layout, end: PathEnd, at: _Finite, values: Array, powers: Array) -> dict[str, float]:
+def _steps(
+    layout: Layout, end: PathEnd, at: _Finite, values: Array, powers: Array
+) -> dict[str, float]:
     """Return the displacements of all limits over that of finite elements.
 
-    values : force and highest stress of hinges and of bodies (3,) there.   powers : (2,), of force and hinge stress.
-    """
+    values : force and highest stress of hinges and of bodies (3,) there.   powers : (2,), of force
+    and hinge stress."""
     strength = layout.yield_strength
     steps = {YIELD: float((strength / values[1]) ** (1 / powers[1]))}
     if values[2] > 0:
@@ -359,18 +420,27 @@ def _steps(layout: Layout, end: PathEnd, at: _Finite, values: Array, powers: Arr
 
 
 def _opened(layout: Layout, motions: Array) -> float:
-    """Return the largest opening of the actuators over their strokes, 0 without one, from motions (k,) of the ports."""
-    shares = [float(motions[port]) / one.stroke for port, one in zip(layout.drive_ports, layout.actuators, strict=True)]
+    """Return the largest opening of the actuators over their strokes, 0 without one, from motions
+    (k,) of the ports.
+    """
+    shares = [
+        float(motions[port]) / one.stroke
+        for port, one in zip(layout.drive_ports, layout.actuators, strict=True)
+    ]
     return max([0.0, *shares])
 
 
 def _opening(mechanism: Mechanism, mesh: Mesh, port: int, held: Sequence[int]) -> Array:
-    """Return the motions (k,) of all ports per displacement of one, by linear finite elements on the coarsest mesh."""
+    """Return the motions (k,) of all ports per displacement of one, by linear finite elements on
+    the coarsest mesh.
+    """
     C = solved(mechanism, levels(mesh.resolution)[0]).compliance
     return np.asarray(C @ _unit_displacement(C, port, held))
 
 
-def _of_linear_theory(layout: Layout, end: PathEnd, linear: _Linear, opening: Array, change: float) -> RangeEnd:
+def _of_linear_theory(
+    layout: Layout, end: PathEnd, linear: _Linear, opening: Array, change: float
+) -> RangeEnd:
     """Return an end by linear theory, which holds there but for a relative change.
 
     opening : (k,), motions of the ports per displacement of the driven one.
@@ -378,7 +448,9 @@ def _of_linear_theory(layout: Layout, end: PathEnd, linear: _Linear, opening: Ar
     sign = np.sign(end.displacement)
     stress = linear.slopes[1:]
     reached = {
-        kind: layout.yield_strength / each for kind, each in zip((YIELD, BODY_YIELD), stress, strict=True) if each
+        kind: layout.yield_strength / each
+        for kind, each in zip((YIELD, BODY_YIELD), stress, strict=True)
+        if each
     }
     widths = {YIELD: linear.bands[1], BODY_YIELD: linear.bands[2]}
     opened = _opened(layout, sign * opening)
@@ -407,17 +479,23 @@ def _of_linear_theory(layout: Layout, end: PathEnd, linear: _Linear, opening: Ar
     )
 
 
-def _ended(end: PathEnd, linear: _Linear, at: _Finite, powers: Array, reached: tuple[float, float, str]) -> RangeEnd:
+def _ended(
+    end: PathEnd, linear: _Linear, at: _Finite, powers: Array, reached: tuple[float, float, str]
+) -> RangeEnd:
     """Return an end near finite elements.
 
     reached : displacement of these, that of the limit over it, and the kind of the limit.
     """
     x, step, kind = reached
-    errors = np.array([OF_THE_MESH, OF_THE_PEAK, OF_THE_PEAK]) * np.minimum(1.0, np.abs(at.ratios - 1))
+    errors = np.array([OF_THE_MESH, OF_THE_PEAK, OF_THE_PEAK]) * np.minimum(
+        1.0, np.abs(at.ratios - 1)
+    )
     widths = linear.bands + at.spread + errors
     relative = {YIELD: widths[1] / powers[1], BODY_YIELD: widths[2] / max(powers[0], LEAST_POWER)}
     left = abs(step - 1)
-    width = relative.get(kind, OF_THE_MESH + linear.bands[0]) + left * (OF_THE_STEP if left < CLOSE else 1.0)
+    width = relative.get(kind, OF_THE_MESH + linear.bands[0]) + left * (
+        OF_THE_STEP if left < CLOSE else 1.0
+    )
     force = linear.slopes[0] * at.ratios[0] * x * step ** powers[0]
     return RangeEnd(
         x * step,
@@ -433,14 +511,18 @@ def _ended(end: PathEnd, linear: _Linear, at: _Finite, powers: Array, reached: t
 
 
 def _without_numbers(kind: str, end: PathEnd) -> RangeEnd:
-    """Return an end whose numbers are not known; the hinge is that with the highest stress by beams."""
+    """Return an end whose numbers are not known; the hinge is that with the highest stress by
+    beams.
+    """
     stress = end.at.stress
     nothing = np.full(len(stress), np.nan)
     return RangeEnd(np.nan, np.nan, np.nan, np.nan, kind, int(np.argmax(stress)), nothing)
 
 
 def _of_buckling(end: PathEnd, linear: _Linear) -> RangeEnd:
-    """Return where beams buckle; they lack the compliance of bodies, which is seen in the stiffness at rest."""
+    """Return where beams buckle; they lack the compliance of bodies, which is seen in the stiffness
+    at rest.
+    """
     softer = linear.slopes[0] / end.linear[0]
     band = abs(1 - softer) + linear.bands[0]
     x = end.displacement / softer
@@ -464,7 +546,9 @@ def _finite(
     beams: DrivenPlate,
     end: PathEnd,
 ) -> _Finite:
-    """Return what finite elements find at a displacement x near an end, in three dimensions by the change of beams."""
+    """Return what finite elements find at a displacement x near an end, in three dimensions by the
+    change of beams.
+    """
     port, held = driven_ports
     level = levels(mesh.resolution)[0]
     model = model_of(mechanism, level)
@@ -474,23 +558,30 @@ def _finite(
     peaks = peaks * layout.hinge_shares
     bodies = bodies * layout.body_shares
     slopes = slopes_of(layout, responses(mechanism, solved(mechanism, level)), port, held)
-    values = np.array([at.load[0, port] / x, peaks.max() / abs(x), np.max(bodies, initial=0.0) / abs(x)])
+    values = np.array(
+        [at.load[0, port] / x, peaks.max() / abs(x), np.max(bodies, initial=0.0) / abs(x)]
+    )
     ratios = values / np.where(slopes, slopes, 1.0)
     contact = np.nan
     if end.kind == CONTACT:
         contact = _contact(model, beams, driven_ports, (x, at.fields[0]), end)
     spread = np.zeros(3)
     if beams is not plane:
-        by_beams, found = list[Array](), list[Array]()
+        by_beams = list[Array]()
+        found = list[Array]()
         for one in (plane, beams):
             reached = one.reached(port, held, x)
             if reached is None:
                 raise ComputationFailed("the beams find no equilibrium at the end of the range")
             stress = one.stress(reached.unknowns)
             found.append(stress)
-            by_beams.append(np.array([reached.forces[port] / x, stress.max() / abs(x)]) / one.slopes(port, held, x))
+            by_beams.append(
+                np.array([reached.forces[port] / x, stress.max() / abs(x)])
+                / one.slopes(port, held, x)
+            )
         thick = (by_beams[1] / by_beams[0])[[0, 1, 0]]  # the stress in bodies follows the force
-        ratios, spread = ratios * thick, OF_THE_THICKNESS * np.abs(thick - 1)
+        ratios = ratios * thick
+        spread = OF_THE_THICKNESS * np.abs(thick - 1)
         peaks = peaks * found[1] / found[0]
     return _Finite(ratios, spread, peaks, bodies, at.pose[0], contact)
 
@@ -502,13 +593,16 @@ def _contact(
     reached: tuple[float, Array],
     end: PathEnd,
 ) -> float:
-    """Return the displacement of contact over that of finite elements; their gap closes as that of beams.
+    """Return the displacement of contact over that of finite elements; their gap closes as that of
+    beams.
 
     reached : displacement of finite elements, mm or rad, and their field (n, 2), mm.
     """
     x, field = reached
     parts = len(model.layout.bodies) + len(model.layout.joints)
-    if end.touching is None or max(end.touching) >= parts:  # a hinge and its own body, which meet in the mesh
+    if (
+        end.touching is None or max(end.touching) >= parts
+    ):  # a hinge and its own body, which meet in the mesh
         return end.displacement / x
     at = beams.reached(*driven_ports, x)
     gap = gap_of_parts(model, field, end.touching)

@@ -1,4 +1,6 @@
-"""Common parts of questions: arguments and their description, models, meshes, and assembly of results."""
+"""Common parts of questions: arguments and their description, models, meshes, and assembly of
+results.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,9 @@ SHARED = {
     "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
     "solid : bool": "The whole plate by finite elements in three dimensions.",
     "thickness_resolution : int, optional": "With `solid`, layers of elements in half of the thickness, from 3.",
-    "plane : bool": "Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.",
+    "plane : bool": (
+        "Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones."
+    ),
     "progress : callable, optional": "Called with a line of text after each completed part.",
 }
 CONVENTION = """
@@ -75,13 +79,14 @@ ComputationFailed
 
 
 def question(function: Function, not_for: str = "", only_for: str = "") -> Function:
-    """Complete the docstring of a function at `{shared}` with common parameters, returns and raises.
+    """Complete the docstring of a function at `{shared}` with common parameters, returns and
+    raises.
 
-    The returned function raises BadInput for a stage that cannot be made, for a word that its `Literal` lacks, for a
-    model that is no `Analytic`, for a mechanism that its annotation does not name, and for options `not_for` mechanisms
-    or `only_for` them.
-    """
-    text, signature = inspect.cleandoc(function.__doc__ or ""), inspect.signature(function)
+    The returned function raises BadInput for a stage that cannot be made, for a word that its
+    `Literal` lacks, for a model that is no `Analytic`, for a mechanism that its annotation does not
+    name, and for options `not_for` mechanisms or `only_for` them."""
+    text = inspect.cleandoc(function.__doc__ or "")
+    signature = inspect.signature(function)
     of_mechanism = " or Mechanism" * ("Mechanism" in str(function.__annotations__.get("stage")))
     shared = list[str]()
     for head, description in SHARED.items():
@@ -107,12 +112,17 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
     def checked(*positional: Any, **named: Any) -> Any:
         if "layers" in named and "solid" in signature.parameters:
             raise BadInput(f"layers {printed(named['layers'])}: this option is now {SOLID_NOW}")
-        hints, bound = hints_of(), signature.bind(*positional, **named).arguments
-        options, known, other = only_for, "a mechanism", "the nine-hinge stage"
+        hints = hints_of()
+        bound = signature.bind(*positional, **named).arguments
+        options = only_for
+        known = "a mechanism"
+        other = "the nine-hinge stage"
         if isinstance(subject := bound.get("stage"), Mechanism):
             options, known, other = not_for, other, known
             if not of_mechanism:
-                raise BadInput(f"{subject.origin}: {function.__name__} is for {known}, not for {other}")
+                raise BadInput(
+                    f"{subject.origin}: {function.__name__} is for {known}, not for {other}"
+                )
         for name, value in bound.items():
             if name in options.split() and value != signature.parameters[name].default:
                 option = f"{name} {printed(value)}".removesuffix(" True")
@@ -120,7 +130,9 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
                     option = "mobility, formula or links"
                 raise BadInput(f"{option}: an option for {known}, not for {other}")
             parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
-            words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
+            words = [
+                word for part in parts if get_origin(part) is Literal for word in get_args(part)
+            ]
             is_known = isinstance(value, str) and value in words
             if words and not is_known and not (value is None and NoneType in parts):
                 raise BadInput(f"{name} {printed(value)}, expected {' or '.join(words)}")
@@ -150,21 +162,28 @@ class OfBoth(Protocol[Options, OfStage, OfMechanism]):
     @overload
     def __call__(self, stage: Stage, *args: Options.args, **kwargs: Options.kwargs) -> OfStage: ...
     @overload
-    def __call__(self, stage: Mechanism, *args: Options.args, **kwargs: Options.kwargs) -> OfMechanism: ...
+    def __call__(
+        self, stage: Mechanism, *args: Options.args, **kwargs: Options.kwargs
+    ) -> OfMechanism: ...
 
 
 def for_mechanisms(
     of_stage: type[OfStage], of_mechanism: type[OfMechanism], not_for: str = "", only_for: str = ""
-) -> Callable[[Callable[Concatenate[Stage | Mechanism, Options], Any]], OfBoth[Options, OfStage, OfMechanism]]:
-    """Declare the kinds of result of `options` about stages and mechanisms, where they are different quantities."""
+) -> Callable[
+    [Callable[Concatenate[Stage | Mechanism, Options], Any]], OfBoth[Options, OfStage, OfMechanism]
+]:
+    """Declare the kinds of result of `options` about stages and mechanisms, where they are
+    different quantities.
+    """
     return lambda function: cast(Any, question(function, not_for, only_for))
 
 
 class Analytic(NamedTuple):
     """The analytic model of a question.
 
-    Without arguments it has calibrated hinges and elastic links, and is corrected for the thickness of the hinges
-    unless the stage file states a `model`. With any argument it is the paper's model with that change.
+    Without arguments it has calibrated hinges and elastic links, and is corrected for the thickness
+    of the hinges unless the stage file states a `model`. With any argument it is the paper's model
+    with that change.
 
     Parameters
     ----------
@@ -181,7 +200,8 @@ class Analytic(NamedTuple):
     links: bool = False
 
     def chosen(self, stage: Stage, warnings: list[str], models: Models = "both") -> ModelChoice:
-        """Return the model of a stage; append warnings of charts that do not cover it, unless models is "elements".
+        """Return the model of a stage; append warnings of charts that do not cover it, unless
+        models is "elements".
 
         Raises BadInput for a model that does not suit the stage.
         """
@@ -190,39 +210,58 @@ class Analytic(NamedTuple):
 
 DEFAULT = Analytic()
 LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
-PLATE_SOLID_RESOLUTION = 4  # of mechanisms: the plane compliance of leaf springs and notches is within 0.05 %
+PLATE_SOLID_RESOLUTION = (
+    4  # of mechanisms: the plane compliance of leaf springs and notches is within 0.05 %
+)
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-ELASTIC = "elastic bodies"  # label of the network of parts, each with the compliance by finite elements of it alone
-ELASTIC_READ = f"{ELASTIC}: bodies and hinges by finite elements of each part, joined at rigid sections"
+# label of the network of parts, each with the compliance by finite elements of it alone
+ELASTIC = "elastic bodies"
+ELASTIC_READ = (
+    f"{ELASTIC}: bodies and hinges by finite elements of each part, joined at rigid sections"
+)
 SOLID_NOW = "solid, with thickness_resolution for the number of elements in half of the thickness"
-NO_HINGES = "the plate has no hinges: the analytic models do not apply, and all numbers are those of finite elements"
+NO_HINGES = (
+    "the plate has no hinges: the analytic models do not apply, and all numbers are those of "
+    "finite elements"
+)
 WITHOUT_PRELOAD = (
-    "these numbers are those without the residual stress and the preloads of actuators that the file states: `modes`, "
-    "and the stiffness and amplification of `stiffness`, contain them"
+    "these numbers are those without the residual stress and the preloads of actuators that the "
+    "file states: `modes`, and the stiffness and amplification of `stiffness`, contain them"
 )
 BY_HINGES = (
-    f"{SOLID}: plane finite elements of the plate, and three-dimensional ones of every hinge, also in the elastic "
-    "bodies; the analytic model has hinges in three dimensions by plates of their height"
+    f"{SOLID}: plane finite elements of the plate, and three-dimensional ones of every hinge, "
+    "also in the elastic bodies; the analytic model has hinges in three dimensions by plates of "
+    "their height"
 )
 
 
 class Mesh(NamedTuple):
-    """The finest mesh: triangles across every neck, and layers in half the thickness, 0 for a plane mesh."""
+    """The finest mesh: triangles across every neck, and layers in half the thickness, 0 for a plane
+    mesh.
+    """
 
     resolution: int
     layers: int
 
 
 def elements_through(solid: bool, thickness_resolution: int | None) -> int | None:
-    """Return the layers of elements in half of the thickness of a plate that is wholly in three dimensions, else None.
+    """Return the layers of elements in half of the thickness of a plate that is wholly in three
+    dimensions, else None.
 
     Raises BadInput for a number without `solid`, or out of range.
     """
     if not solid:
         if thickness_resolution is not None:
-            raise BadInput(f"thickness_resolution {printed(thickness_resolution)} without solid, expected solid")
+            raise BadInput(
+                f"thickness_resolution {printed(thickness_resolution)} without solid, expected "
+                "solid"
+            )
         return None
-    return LAYERS if thickness_resolution is None else arguments.thickness_resolution(thickness_resolution, 3)
+    return (
+        LAYERS
+        if thickness_resolution is None
+        else arguments.thickness_resolution(thickness_resolution, 3)
+    )
 
 
 def mesh_of(
@@ -234,23 +273,29 @@ def mesh_of(
     usual: int = RESOLUTION,
     usual_solid: int = SOLID_RESOLUTION,
 ) -> Mesh | None:
-    """Return the requested mesh, by default the usual plane or three-dimensional one; None without finite elements.
+    """Return the requested mesh, by default the usual plane or three-dimensional one; None without
+    finite elements.
 
-    Raises BadInput if a mesh is requested without finite elements, if it is too coarse or too fine, or for analytic
-    models alone of a plate without hinges.
-    """
+    Raises BadInput if a mesh is requested without finite elements, if it is too coarse or too fine,
+    or for analytic models alone of a plate without hinges."""
     if models == "analytic":
         require_hinges(plate, "which the analytic models need", "models 'both' or 'elements'")
-        for stated in ([] if resolution is None else [f"resolution {resolution}"]) + ["solid"] * (layers is not None):
+        for stated in ([] if resolution is None else [f"resolution {resolution}"]) + ["solid"] * (
+            layers is not None
+        ):
             raise BadInput(f"{stated} with models 'analytic', expected models with finite elements")
         return None
     if layers is not None:
         usual = PLATE_SOLID_RESOLUTION if isinstance(plate, Mechanism) else usual_solid
-    return Mesh(arguments.resolution(usual if resolution is None else resolution, least), layers or 0)
+    return Mesh(
+        arguments.resolution(usual if resolution is None else resolution, least), layers or 0
+    )
 
 
 def require_hinges(plate: Stage | Mechanism, clause: str, expected: str) -> None:
-    """Raise BadInput for a plate without hinges: "no [[hinge]]", a relative clause, and what is `expected` instead."""
+    """Raise BadInput for a plate without hinges: "no [[hinge]]", a relative clause, and what is
+    `expected` instead.
+    """
     if not plate.layout.joints:
         raise BadInput(f"{plate.origin}: no [[hinge]], {clause}, expected {expected}")
 
@@ -268,11 +313,15 @@ def sectors_of(stage: Stage, resolution: int) -> tuple[Sector, ...]:
 
 @once
 def solved(stage: Stage, resolution: int) -> Response:
-    """Solve a feasible stage with plane finite elements. Raises BadInput for a model that is not plane."""
+    """Solve a feasible stage with plane finite elements. Raises BadInput for a model that is not
+    plane.
+    """
     return unit_response(sectors_of(stage, resolution), plate_of(stage))
 
 
-def on_meshes(steps: Sequence[Step], solve: Callable[[Step], Value], progress: Progress | None = None) -> list[Value]:
+def on_meshes(
+    steps: Sequence[Step], solve: Callable[[Step], Value], progress: Progress | None = None
+) -> list[Value]:
     """Return the solutions for all resolutions, coarse to fine, or for other steps."""
     solutions = []
     for step in steps:
@@ -283,7 +332,9 @@ def on_meshes(steps: Sequence[Step], solve: Callable[[Step], Value], progress: P
 
 
 class MeshFields(NamedTuple):
-    """Fields on a mesh, in three dimensions at `heights`, mm, of half the thickness; computed when they are written."""
+    """Fields on a mesh, in three dimensions at `heights`, mm, of half the thickness; computed when
+    they are written.
+    """
 
     mesh: StageMesh
     made: Callable[[], dict[str, Array]]
@@ -297,20 +348,34 @@ class MeshFields(NamedTuple):
 
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     """Return a mesh as settings of a result."""
-    return {} if mesh is None else {"resolution": mesh.resolution, "thickness resolution": mesh.layers or None}
+    return (
+        {}
+        if mesh is None
+        else {"resolution": mesh.resolution, "thickness resolution": mesh.layers or None}
+    )
 
 
 def about(
-    plate: Stage | Mechanism, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NOTHING
+    plate: Stage | Mechanism,
+    heat: bool = False,
+    drive: bool = False,
+    files: Mapping[str, Sourced] = NOTHING,
 ) -> About:
-    """Return the subject of a result: a plate, `heat` coefficients or `drive` of a stage, and other files by name."""
+    """Return the subject of a result: a plate, `heat` coefficients or `drive` of a stage, and other
+    files by name.
+    """
     doubts = assumptions([("", plate), *((f"{name}: ", file) for name, file in files.items())])
     digest = plate.hash
     if isinstance(plate, Stage) and (heat or drive):
         doubts = plate.heat_assumptions if heat else plate.drive_assumptions
         digest = plate.heat_hash if heat else plate.drive_hash
     return About(
-        plate.name, str(plate.origin), digest, tuple(doubts.assumed), tuple(doubts.not_stated), lever_of(plate)
+        plate.name,
+        str(plate.origin),
+        digest,
+        tuple(doubts.assumed),
+        tuple(doubts.not_stated),
+        lever_of(plate),
     )
 
 
@@ -322,7 +387,10 @@ class ModelAnswer(NamedTuple):
 
 
 def stack_models(
-    kind: type[Result], models: Mapping[str, ModelAnswer], axes: Mapping[str, Sequence[str]], along: str = "model"
+    kind: type[Result],
+    models: Mapping[str, ModelAnswer],
+    axes: Mapping[str, Sequence[str]],
+    along: str = "model",
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Stack the values and bands of models, or curves, along an axis; nan where one has no value."""
     stacked: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
@@ -331,7 +399,9 @@ def stack_models(
         parts = [model[which] for model in models.values()]
         for name in dict.fromkeys(chain(*parts)):
             over = kind.quantities[name].over
-            array = np.full([len(parts), *(len(labels[axis]) for axis in over if axis != along)], np.nan)
+            array = np.full(
+                [len(parts), *(len(labels[axis]) for axis in over if axis != along)], np.nan
+            )
             for k, part in enumerate(parts):
                 if name in part:
                     place: tuple[Any, ...] = (k, *map(slice, np.shape(part[name])))
@@ -356,12 +426,13 @@ def answer(
     bands: Mapping[str, Any] = NOTHING,
     **others: Any,
 ) -> Kind:
-    """Return the result of a question from the values of its models, and from values and bands of all models.
+    """Return the result of a question from the values of its models, and from values and bands of
+    all models.
 
-    That of a mechanism is of the kind `of_mechanism`. It has the axes hinge, point and actuator, and the warnings and
-    notes that apply to every question.
-    """
-    kind, labels = kind_of(kind, subject), {"model": tuple(models), **axes}
+    That of a mechanism is of the kind `of_mechanism`. It has the axes hinge, point and actuator,
+    and the warnings and notes that apply to every question."""
+    kind = kind_of(kind, subject)
+    labels = {"model": tuple(models), **axes}
     if isinstance(subject, Mechanism):
         layout = subject.layout
         labels = {
@@ -372,7 +443,9 @@ def answer(
             **labels,
         }
         found = [*values, *chain.from_iterable(model.values for model in models.values())]
-        peaks = any(word in kind.quantities[name].meaning for name in found for word in ("stress", "strain"))
+        peaks = any(
+            word in kind.quantities[name].meaning for name in found for word in ("stress", "strain")
+        )
         warned = sharp_roots(layout) if peaks and mesh is not None else []
         if (layout.residual_stress or np.any(layout.preload)) and "preload" not in settings:
             warned.append(WITHOUT_PRELOAD)
@@ -388,10 +461,13 @@ def answer(
 
 
 def sharp_roots(layout: Layout) -> list[str]:
-    """Warn of hinges with sharp inner corners, where stress and strain by finite elements are singular."""
+    """Warn of hinges with sharp inner corners, where stress and strain by finite elements are
+    singular.
+    """
     sharp = [joint.name for joint in layout.joints if has_sharp_corner(layout, joint)]
     named = ", ".join(sharp[:3]) + f" and {len(sharp) - 3} more" * (len(sharp) > 3)
     return [
-        f"hinges with sharp inner corners ({named}): stress and strain of finite elements there grow without limit as "
-        "the mesh is refined, and the range at yield falls with them; state fillet_mm, or smooth = true of a table"
+        f"hinges with sharp inner corners ({named}): stress and strain of finite elements there "
+        "grow without limit as the mesh is refined, and the range at yield falls with them; "
+        "state fillet_mm, or smooth = true of a table"
     ] * bool(sharp)

@@ -1,4 +1,6 @@
-"""A stage or mechanism at rest: stiffness, stress, range at yield, response to a load, and its summary."""
+"""A stage or mechanism at rest: stiffness, stress, range at yield, response to a load, and its
+summary.
+"""
 
 from __future__ import annotations
 
@@ -30,22 +32,56 @@ from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid
 from flexfem.questions.loads import loads_at_points
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
-from flexfem.questions.ranges import RANGE, RANGE_FORCE, RANGE_LABELS, RANGE_LIMIT, described, ranges
+from flexfem.questions.ranges import (
+    RANGE,
+    RANGE_FORCE,
+    RANGE_LABELS,
+    RANGE_LIMIT,
+    described,
+    ranges,
+)
 from flexfem.questions.reach import of_mechanism, reach
-from flexfem.questions.setup import DEFAULT, ELASTIC, LIFTED, Analytic, Mesh, MeshFields, ModelAnswer, Models
+from flexfem.questions.setup import (
+    DEFAULT,
+    ELASTIC,
+    LIFTED,
+    Analytic,
+    Mesh,
+    MeshFields,
+    ModelAnswer,
+    Models,
+)
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, COARSER, FRESH, SHEET, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import (
+    ANALYTIC,
+    COARSER,
+    FRESH,
+    SHEET,
+    SOLVED,
+    STRESS,
+    Gate,
+    Progress,
+    Quantity,
+    Result,
+)
 from flexfem.units import DIRECTIONS, PLANES, without_unit
 
 UNDER_PRELOAD = (
-    "the stiffness is that of small motions about the equilibrium under the preload; stress, ranges and buckling loads "
-    "are not stated there"
+    "the stiffness is that of small motions about the equilibrium under the preload; stress, "
+    "ranges and buckling loads are not stated there"
 )
 LIMITS = ("range", "buckling_load")  # beginnings of the names of what `no_limits` leaves out
-HINGES_ALONE = "the analytic model does not hold there, and its stress and range at yield are those of hinges alone"
-NEARLY_EQUAL = Gate(1.0, absolute=1e4)  # of the place of a highest stress: another one may have nearly the same
+HINGES_ALONE = (
+    "the analytic model does not hold there, and its stress and range at yield are those of "
+    "hinges alone"
+)
+NEARLY_EQUAL = Gate(
+    1.0, absolute=1e4
+)  # of the place of a highest stress: another one may have nearly the same
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
-MATRIX, NECKS, BY_DIRECTION = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
+MATRIX = ("model", "component", "direction")
+NECKS = ("model", "chain", "hinge")
+BY_DIRECTION = ("direction", "model")
 HINGE = ("chain", "hinge")
 UNIT_POSES = dict(zip(DIRECTIONS, np.eye(3), strict=True))
 
@@ -53,13 +89,18 @@ UNIT_POSES = dict(zip(DIRECTIONS, np.eye(3), strict=True))
 LIFTED_STIFFNESS = ("n_per_mm", "n_mm_per_rad", "n_mm_per_rad")
 LIFTED_LABELS = {"out of plane": LIFTED}
 LIFTED_FREE = Quantity(
-    "stiffness out of the plane, its other directions free", LIFTED_STIFFNESS, ("out of plane",), COARSER,
+    "stiffness out of the plane, its other directions free",
+    LIFTED_STIFFNESS,
+    ("out of plane",),
+    COARSER,
     only="mechanism",
-)  # fmt: skip
+)
 
 
 class Stiffness(Result):
-    """Stiffness, stress per displacement and range at yield of a plate at rest, and its response to one load."""
+    """Stiffness, stress per displacement and range at yield of a plate at rest, and its response to
+    one load.
+    """
 
     title = "stage at rest"
     main = ("free", {})
@@ -68,117 +109,222 @@ class Stiffness(Result):
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
     held = Quantity(
-        "stiffness, other directions held", "stiffness", ("model", "direction"), COARSER, repeated=True,
+        "stiffness, other directions held",
+        "stiffness",
+        ("model", "direction"),
+        COARSER,
+        repeated=True,
         note="K_ii, the diagonal of the stiffness matrix",
-    )  # fmt: skip
+    )
     free = Quantity(
-        "stiffness, other directions free", "stiffness", ("model", "direction"), COARSER,
+        "stiffness, other directions free",
+        "stiffness",
+        ("model", "direction"),
+        COARSER,
         note="1 / C_ii, of the diagonal of the compliance matrix",
-    )  # fmt: skip
+    )
     range = RANGE
     range_force = RANGE_FORCE
     range_limit = RANGE_LIMIT
     range_stress = Quantity(
-        "highest hinge stress at the end of the range", "mpa", ("others", "sense", "hinge", "direction"), STRESS, "all",
-        only="mechanism",
-    )  # fmt: skip
-    stress = Quantity(
-        "highest hinge stress per displacement, other directions held", "stress per motion", (*NECKS, "direction"),
-        STRESS, "all",
-    )  # fmt: skip
-    yield_range = Quantity(
-        "displacement at first yield, other directions held, linear", "motion", ("model", "direction"),
-        STRESS, note="by linear theory, without stretching of hinges and buckling",
-    )  # fmt: skip
-    free_yield_range = Quantity(
-        "displacement at which the first hinge yields, other directions free, linear", "motion", ("model", "direction"),
+        "highest hinge stress at the end of the range",
+        "mpa",
+        ("others", "sense", "hinge", "direction"),
         STRESS,
-    )  # fmt: skip
-    yield_force = Quantity("force along the displacement at yield, linear", "wrench", ("model", "direction"), STRESS)
+        "all",
+        only="mechanism",
+    )
+    stress = Quantity(
+        "highest hinge stress per displacement, other directions held",
+        "stress per motion",
+        (*NECKS, "direction"),
+        STRESS,
+        "all",
+    )
+    yield_range = Quantity(
+        "displacement at first yield, other directions held, linear",
+        "motion",
+        ("model", "direction"),
+        STRESS,
+        note="by linear theory, without stretching of hinges and buckling",
+    )
+    free_yield_range = Quantity(
+        "displacement at which the first hinge yields, other directions free, linear",
+        "motion",
+        ("model", "direction"),
+        STRESS,
+    )
+    yield_force = Quantity(
+        "force along the displacement at yield, linear", "wrench", ("model", "direction"), STRESS
+    )
     buckling_load = Quantity(
-        "load at which hinges buckle, by the analytic model", "wrench", ("others", "sense", "direction"), SOLVED,
-        only="mechanism", note="by the tangent stiffness at rest, for a load on the output along one direction",
-    )  # fmt: skip
+        "load at which hinges buckle, by the analytic model",
+        "wrench",
+        ("others", "sense", "direction"),
+        SOLVED,
+        only="mechanism",
+        note="by the tangent stiffness at rest, for a load on the output along one direction",
+    )
     input_stiffness = Quantity(
-        "stiffness at the actuator, output free", "n_per_um", ("actuator", "model"), COARSER, only="mechanism"
+        "stiffness at the actuator, output free",
+        "n_per_um",
+        ("actuator", "model"),
+        COARSER,
+        only="mechanism",
     )
     lifted_held = Quantity(
-        "stiffness out of the plane, its other directions held", LIFTED_STIFFNESS, ("out of plane",), COARSER,
+        "stiffness out of the plane, its other directions held",
+        LIFTED_STIFFNESS,
+        ("out of plane",),
+        COARSER,
         only="mechanism",
-    )  # fmt: skip
+    )
     lifted_free = LIFTED_FREE
     lifted_force = Quantity(
-        "load on the output out of the plane", ("n", "n_mm", "n_mm"), ("out of plane",), only="mechanism"
+        "load on the output out of the plane",
+        ("n", "n_mm", "n_mm"),
+        ("out of plane",),
+        only="mechanism",
     )
     lifted_pose = Quantity(
-        "displacement by the load out of the plane", ("mm", "rad", "rad"), ("out of plane",), COARSER, "all",
+        "displacement by the load out of the plane",
+        ("mm", "rad", "rad"),
+        ("out of plane",),
+        COARSER,
+        "all",
         only="mechanism",
-    )  # fmt: skip
+    )
     amplification = Quantity(
-        "output motion per actuator opening, output free", ("", "", "rad_per_mm"), ("actuator", "model", "direction"),
-        COARSER, "all", only="mechanism",
-    )  # fmt: skip
-    thickness = Quantity("change of stiffness in three dimensions", "percents", ("direction",), only="stage")
+        "output motion per actuator opening, output free",
+        ("", "", "rad_per_mm"),
+        ("actuator", "model", "direction"),
+        COARSER,
+        "all",
+        only="mechanism",
+    )
+    thickness = Quantity(
+        "change of stiffness in three dimensions", "percents", ("direction",), only="stage"
+    )
     force = Quantity("load on the output", "wrench", ("model", "direction"), COARSER, "wrench")
-    pose = Quantity("displacement under the load", "motion", ("model", "point", "direction"), COARSER, "pose")
-    reaction = Quantity("reaction of the ground", "wrench", ("model", "direction"), COARSER, "wrench", only="stage")
+    pose = Quantity(
+        "displacement under the load", "motion", ("model", "point", "direction"), COARSER, "pose"
+    )
+    reaction = Quantity(
+        "reaction of the ground", "wrench", ("model", "direction"), COARSER, "wrench", only="stage"
+    )
     energy = Quantity("strain energy", "n_mm", ("model",), COARSER)
     neck_stress = Quantity("neck stress under the load", "mpa", NECKS, STRESS, "all", only="stage")
-    hinge_stress = Quantity("hinge stress under the load", "mpa", NECKS, STRESS, "all", only="mechanism")
+    hinge_stress = Quantity(
+        "hinge stress under the load", "mpa", NECKS, STRESS, "all", only="mechanism"
+    )
     body_stress = Quantity(
-        "highest stress of bodies under the load", "mpa", ("body", "model"), STRESS, "all", only="mechanism"
+        "highest stress of bodies under the load",
+        "mpa",
+        ("body", "model"),
+        STRESS,
+        "all",
+        only="mechanism",
     )
     body_x = Quantity("at x", "mm", ("body", "model"), NEARLY_EQUAL, only="mechanism")
     body_y = Quantity("at y", "mm", ("body", "model"), NEARLY_EQUAL, only="mechanism")
     body_rate = Quantity(
-        "highest stress of bodies per displacement, other directions held", "stress per motion",
-        ("body", "model", "direction"), STRESS, "all", only="mechanism",
-        note="not within three radii of the contact of the output, of an actuator or of a loaded point",
-    )  # fmt: skip
+        "highest stress of bodies per displacement, other directions held",
+        "stress per motion",
+        ("body", "model", "direction"),
+        STRESS,
+        "all",
+        only="mechanism",
+        note=(
+            "not within three radii of the contact of the output, of an actuator or of a loaded "
+            "point"
+        ),
+    )
     free_body_rate = Quantity(
-        "highest stress of bodies per displacement, other directions free", "stress per motion",
-        ("body", "model", "direction"), STRESS, "all", shown=False, only="mechanism",
-    )  # fmt: skip
+        "highest stress of bodies per displacement, other directions free",
+        "stress per motion",
+        ("body", "model", "direction"),
+        STRESS,
+        "all",
+        shown=False,
+        only="mechanism",
+    )
     yield_x = Quantity(
-        "place of the first yield, x", "mm", ("model", "direction"), NEARLY_EQUAL, shown=False, only="mechanism"
+        "place of the first yield, x",
+        "mm",
+        ("model", "direction"),
+        NEARLY_EQUAL,
+        shown=False,
+        only="mechanism",
     )
     yield_y = Quantity(
-        "place of the first yield, y", "mm", ("model", "direction"), NEARLY_EQUAL, shown=False, only="mechanism"
+        "place of the first yield, y",
+        "mm",
+        ("model", "direction"),
+        NEARLY_EQUAL,
+        shown=False,
+        only="mechanism",
     )
     point_load = Quantity("loads at points", "wrench", ("point", "direction"), only="mechanism")
     point_stress = Quantity(
-        "von Mises stress at points under the load", "mpa", ("point", "model"), STRESS, "all", only="mechanism"
+        "von Mises stress at points under the load",
+        "mpa",
+        ("point", "model"),
+        STRESS,
+        "all",
+        only="mechanism",
     )
-    neck_height = Quantity("distance of the highest stress from the mid-plane", "mm", NECKS, shown=False, only="stage")
+    neck_height = Quantity(
+        "distance of the highest stress from the mid-plane", "mm", NECKS, shown=False, only="stage"
+    )
     band_plane = Quantity(
-        "band of the compliance by the mesh in the plane", "compliance matrix", MATRIX, shown=False, only="stage"
+        "band of the compliance by the mesh in the plane",
+        "compliance matrix",
+        MATRIX,
+        shown=False,
+        only="stage",
     )
     band_thickness = Quantity(
-        "band of the compliance by the layers", "compliance matrix", MATRIX, shown=False, only="stage"
+        "band of the compliance by the layers",
+        "compliance matrix",
+        MATRIX,
+        shown=False,
+        only="stage",
     )
-    hinge_rotation = Quantity("rotational compliance of the hinges", "rad_per_n_mm", HINGE, shown=False, only="stage")
-    hinge_axial = Quantity("axial compliance of the hinges", "mm_per_n", HINGE, shown=False, only="stage")
-    hinge_shear = Quantity("shear compliance of the hinges", "mm_per_n", HINGE, shown=False, only="stage")
+    hinge_rotation = Quantity(
+        "rotational compliance of the hinges", "rad_per_n_mm", HINGE, shown=False, only="stage"
+    )
+    hinge_axial = Quantity(
+        "axial compliance of the hinges", "mm_per_n", HINGE, shown=False, only="stage"
+    )
+    hinge_shear = Quantity(
+        "shear compliance of the hinges", "mm_per_n", HINGE, shown=False, only="stage"
+    )
 
 
 class MechanismStiffness(Stiffness, mechanism=True):
     """The same of a mechanism, and its inputs."""
 
     title = "mechanism at rest"
-    figure, drawn_from_fields = "plate.load_figure", True
-    held = replace(Stiffness.held, compared=False)  # the error of the analytic models is that with the others free
+    figure = "plate.load_figure"
+    drawn_from_fields = True
+    held = replace(
+        Stiffness.held, compared=False
+    )  # the error of the analytic models is that with the others free
 
 
 class Summary(Result):
-    """Stiffness, range at yield, force and stress by direction, first frequency and ranges of the drive."""
+    """Stiffness, range at yield, force and stress by direction, first frequency and ranges of the
+    drive.
+    """
 
     title = "summary"
     main = ("free", {})
     labels: ClassVar = {**RANGE_LABELS, **LIFTED_LABELS}
     columns = ("direction", "out of plane")
     reading = (
-        "range at yield: displacement at the first yield, in a hinge or a body, others held; force at yield: force "
-        "along it; both by linear theory, without stretching of hinges and buckling",
+        "range at yield: displacement at the first yield, in a hinge or a body, others held; "
+        "force at yield: force along it; both by linear theory, without stretching of hinges and "
+        "buckling",
         "others: the other two directions, held at zero or free",
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
@@ -188,18 +334,38 @@ class Summary(Result):
     range_limit = RANGE_LIMIT
     yield_range = Quantity("range at yield, linear, ±", "motion", BY_DIRECTION, STRESS)
     yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, STRESS)
-    stress = Quantity("hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all")
-    thickness = Quantity("change of stiffness in 3D", "percent", ("direction",), only="stage")
-    held_low = Quantity("drive min, others held", "motion", ("direction",), SOLVED, "pose", beside="held_high")
-    held_high = Quantity("drive max, others held", "motion", ("direction",), SOLVED, "pose", beside="held_low")
-    free_low = Quantity("drive min, others free", "motion", ("direction",), SOLVED, "pose", beside="free_high")
-    free_high = Quantity("drive max, others free", "motion", ("direction",), SOLVED, "pose", beside="free_low")
-    amplification = Quantity(
-        "output motion per actuator opening", ("", "", "rad_per_mm"), BY_DIRECTION, COARSER, "all", only="mechanism"
+    stress = Quantity(
+        "hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all"
     )
-    frequency = Quantity("first natural frequency in the plane", "hz", ("model",), FRESH, only="mechanism")
+    thickness = Quantity("change of stiffness in 3D", "percent", ("direction",), only="stage")
+    held_low = Quantity(
+        "drive min, others held", "motion", ("direction",), SOLVED, "pose", beside="held_high"
+    )
+    held_high = Quantity(
+        "drive max, others held", "motion", ("direction",), SOLVED, "pose", beside="held_low"
+    )
+    free_low = Quantity(
+        "drive min, others free", "motion", ("direction",), SOLVED, "pose", beside="free_high"
+    )
+    free_high = Quantity(
+        "drive max, others free", "motion", ("direction",), SOLVED, "pose", beside="free_low"
+    )
+    amplification = Quantity(
+        "output motion per actuator opening",
+        ("", "", "rad_per_mm"),
+        BY_DIRECTION,
+        COARSER,
+        "all",
+        only="mechanism",
+    )
+    frequency = Quantity(
+        "first natural frequency in the plane", "hz", ("model",), FRESH, only="mechanism"
+    )
     first_out_of_plane = Quantity(
-        "first natural frequency out of the plane, in three dimensions", "hz", gate=COARSER, only="mechanism"
+        "first natural frequency out of the plane, in three dimensions",
+        "hz",
+        gate=COARSER,
+        only="mechanism",
     )
     lifted_free = LIFTED_FREE
     input_stiffness = Quantity(
@@ -213,7 +379,9 @@ class MechanismSummary(Summary, mechanism=True):
     stiffness = replace(Summary.stiffness, compared=False)
 
 
-@setup.options(not_for="analytic", only_for="plane force_at tangent out_of_plane force_out_of_plane no_limits")
+@setup.options(
+    not_for="analytic", only_for="plane force_at tangent out_of_plane force_out_of_plane no_limits"
+)
 def stiffness(
     stage: Stage | Mechanism,
     *,
@@ -232,7 +400,8 @@ def stiffness(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Stiffness:
-    """Stiffness, stress and range at yield of a stage or mechanism, and response to a load or displacement.
+    """Stiffness, stress and range at yield of a stage or mechanism, and response to a load or
+    displacement.
 
     Parameters
     ----------
@@ -241,18 +410,20 @@ def stiffness(
     displacement : tuple of float, optional
         Displacement at which the platform is held, instead of a load: mm, mm, rad.
     force_at : mapping of str to tuple of float, or sequence of str, optional
-        Loads at points of a mechanism by their names, N, N, N mm, besides that on the output: NAME=FX,FY,M, repeated.
-        Two opposite loads at two points are a pair between their bodies.
+        Loads at points of a mechanism by their names, N, N, N mm, besides that on the output:
+        NAME=FX,FY,M, repeated. Two opposite loads at two points are a pair between their bodies.
     tangent : bool
-        Stiffness of a mechanism at the equilibrium under the load, instead of that at rest and the response to it.
+        Stiffness of a mechanism at the equilibrium under the load, instead of that at rest and the
+        response to it.
     out_of_plane : bool
-        Also the stiffness of the output of a mechanism out of the plane: along z, and tilt about x and y.
+        Also the stiffness of the output of a mechanism out of the plane: along z, and tilt about x
+        and y.
     force_out_of_plane : tuple of float, optional
-        Load on the output of a mechanism out of the plane, whose displacement is computed: force along z and moments
-        about x and y, N, N mm, N mm.
+        Load on the output of a mechanism out of the plane, whose displacement is computed: force
+        along z and moments about x and y, N, N mm, N mm.
     no_limits : bool
-        Leave out buckling loads and the range at finite displacement of a mechanism, which take most of the time of the
-        analytic model.
+        Leave out buckling loads and the range at finite displacement of a mechanism, which take
+        most of the time of the analytic model.
     {shared}
 
     Notes
@@ -266,19 +437,31 @@ def stiffness(
     >>> round(float(found.at("yield_range", direction="x")[0]), 3)  # mm
     0.641
     """
-    mesh = plates.mesh_of(stage, models, resolution, setup.elements_through(solid, thickness_resolution))
+    mesh = plates.mesh_of(
+        stage, models, resolution, setup.elements_through(solid, thickness_resolution)
+    )
     load = _asked(stage.layout, force, displacement, force_at)
     is_lifted = out_of_plane or force_out_of_plane is not None
     if is_lifted and (models == "analytic" or stage.model != "three_dimensional"):
-        raise BadInput("out_of_plane, expected finite elements in three dimensions, without plane or models 'analytic'")
+        raise BadInput(
+            "out_of_plane, expected finite elements in three dimensions, without plane or models "
+            "'analytic'"
+        )
     if isinstance(stage, Mechanism):
         preload = _preload(stage, load, tangent)
         if preload is not None:
             return _at_preload(
-                stage, preload, load._replace(on_ports=None) if tangent else load, mesh, models, progress
+                stage,
+                preload,
+                load._replace(on_ports=None) if tangent else load,
+                mesh,
+                models,
+                progress,
             )
     stated = warning.of_numbers(stage)
-    network = _network_of_stage(stage, analytic, models, stated) if isinstance(stage, Stage) else None
+    network = (
+        _network_of_stage(stage, analytic, models, stated) if isinstance(stage, Stage) else None
+    )
 
     def of_network(elastic: bool) -> Values:
         if network is not None:
@@ -292,12 +475,18 @@ def stiffness(
             values |= _of_ground(stage, Mesh(resolution, layers), values["force"])
         return values
 
-    found = plates.by_models(stage, mesh, models, of_network, of_size, progress, partial(_bands, stage))
+    found = plates.by_models(
+        stage, mesh, models, of_network, of_size, progress, partial(_bands, stage)
+    )
     parts = [_Part(warnings=stated)]
     if isinstance(stage, Stage):
         if mesh is not None:
             found = _with_bounds(stage, mesh, found)
-        parts += [_of_stage(stage, mesh, network), _under_load(stage, found), _of_motions(stage, found)]
+        parts += [
+            _of_stage(stage, mesh, network),
+            _under_load(stage, found),
+            _of_motions(stage, found),
+        ]
     else:
         parts += [_soft_bodies(found), _body_yields(stage, mesh, found)]
         if not no_limits:
@@ -308,13 +497,18 @@ def stiffness(
     last = list(found.values())[-1].values
     fields = None
     if mesh is not None and "force" in last:
-        fields = _fields(stage, mesh, last, last["force"] if load.on_ports is None else load.on_ports)
+        fields = _fields(
+            stage, mesh, last, last["force"] if load.on_ports is None else load.on_ports
+        )
     at_points = {} if load.at_points is None else {"point_load": load.at_points}
-    return setup.answer(Stiffness, stage, found, mesh, fields=fields, **_joined([*parts, _Part(at_points)]))
+    return setup.answer(
+        Stiffness, stage, found, mesh, fields=fields, **_joined([*parts, _Part(at_points)])
+    )
 
 
 class _Load(NamedTuple):
-    """The load that is asked for: on the first ports (n,), or a displacement (3,) of the output that it causes.
+    """The load that is asked for: on the first ports (n,), or a displacement (3,) of the output
+    that it causes.
 
     at_points : (points, 3), the part of the load that is stated at points.
     """
@@ -324,12 +518,20 @@ class _Load(NamedTuple):
     at_points: Array | None = None
 
     def of(self, stiffness: Array) -> Array | None:
-        """Return the load (n,) on the first ports, for an output of stiffness (3, 3); None if no load is asked for."""
-        return self.on_ports if self.displacement is None else np.asarray(stiffness @ self.displacement)
+        """Return the load (n,) on the first ports, for an output of stiffness (3, 3); None if no
+        load is asked for.
+        """
+        return (
+            self.on_ports
+            if self.displacement is None
+            else np.asarray(stiffness @ self.displacement)
+        )
 
 
 class _Part(NamedTuple):
-    """A part of an answer: values and bands of all models by quantity, settings, warnings and notes."""
+    """A part of an answer: values and bands of all models by quantity, settings, warnings and
+    notes.
+    """
 
     values: Mapping[str, Any] = setup.NOTHING
     bands: Mapping[str, Any] = setup.NOTHING
@@ -350,7 +552,9 @@ def _joined(parts: Sequence[_Part]) -> dict[str, Any]:
 
 
 def _preload(mechanism: Mechanism, load: _Load, tangent: bool) -> Array | None:
-    """Return the load (k,) at whose equilibrium the stiffness is asked for, None at rest. Raises BadInput."""
+    """Return the load (k,) at whose equilibrium the stiffness is asked for, None at rest. Raises
+    BadInput.
+    """
     if not tangent:
         return preloaded.preload_of(mechanism, None)
     if load.on_ports is None:
@@ -368,7 +572,9 @@ def _at_preload(
     models: Models,
     progress: Progress | None,
 ) -> Stiffness:
-    """Return the stiffness at the equilibrium under a preload (k,), and the displacement by a small load on it."""
+    """Return the stiffness at the equilibrium under a preload (k,), and the displacement by a small
+    load on it.
+    """
     layout = mechanism.layout
 
     def of_tangent(compliance: Array) -> Values:
@@ -395,12 +601,17 @@ def _at_preload(
         thickness = () if mesh.layers else plates.thickness_of(mechanism)
         found |= plates.by_elements(mesh, of_size, progress, thickness=thickness)
     settings = {"preload": preloaded.described(mechanism, preload)}
-    notes = [UNDER_PRELOAD, *[preloaded.IN_THREE_DIMENSIONS] * (mesh is not None and mesh.layers > 0)]
+    notes = [
+        UNDER_PRELOAD,
+        *[preloaded.IN_THREE_DIMENSIONS] * (mesh is not None and mesh.layers > 0),
+    ]
     return setup.answer(Stiffness, mechanism, found, mesh, settings, notes=notes)
 
 
 def _lifted(mechanism: Mechanism, force: Sequence[float] | None = None) -> _Part:
-    """Return the stiffness of the output out of the plane, and its displacement by a load (3,) if there is one."""
+    """Return the stiffness of the output out of the plane, and its displacement by a load (3,) if
+    there is one.
+    """
     try:
         found = plates.lifted(mechanism)
     except ComputationFailed as failure:
@@ -419,7 +630,9 @@ def _lifted(mechanism: Mechanism, force: Sequence[float] | None = None) -> _Part
 
 
 class _StageNetwork(NamedTuple):
-    """The analytic model of a stage, whose plane problem may differ from that of its file, and its solution."""
+    """The analytic model of a stage, whose plane problem may differ from that of its file, and its
+    solution.
+    """
 
     chosen: ModelChoice
     result: AnalyticResult
@@ -431,19 +644,29 @@ class _StageNetwork(NamedTuple):
         return Responses(C, lambda loads: self.result.neck_stress(self.chosen.stage, loads @ C))
 
 
-def _network_of_stage(stage: Stage, analytic: Analytic, models: Models, warnings: list[str]) -> _StageNetwork | None:
-    """Return the analytic model of a stage; append warnings of its charts. Without analytic models it is checked."""
+def _network_of_stage(
+    stage: Stage, analytic: Analytic, models: Models, warnings: list[str]
+) -> _StageNetwork | None:
+    """Return the analytic model of a stage; append warnings of its charts. Without analytic models
+    it is checked.
+    """
     chosen = analytic.chosen(stage, warnings, models)
     return None if models == "elements" else _StageNetwork(chosen, analyse(*chosen))
 
 
 def _of_stage(stage: Stage, mesh: Mesh | None, network: _StageNetwork | None) -> _Part:
-    """Return what only the nine-hinge stage has: its formula, its chart of hinges, and the effect of its thickness."""
-    values, settings = dict[str, Array](), dict[str, Any]()
-    warnings, notes = list[str](), list[str]()
+    """Return what only the nine-hinge stage has: its formula, its chart of hinges, and the effect
+    of its thickness.
+    """
+    values = dict[str, Array]()
+    settings = dict[str, Any]()
+    warnings = list[str]()
+    notes = list[str]()
     if network is not None:
         result = network.result
-        values |= {f"hinge_{name}": getattr(result.hinges, name) for name in ("rotation", "axial", "shear")}
+        values |= {
+            f"hinge_{name}": getattr(result.hinges, name) for name in ("rotation", "axial", "shear")
+        }
         settings["analytic model"] = network.chosen.name
         notes.append(f"hinge formula {result.formula}: {FORMULAS[result.formula].source}")
         notes.append(warning.stress_accuracy(result.formula, result.links, result.plane))
@@ -457,7 +680,9 @@ def _of_stage(stage: Stage, mesh: Mesh | None, network: _StageNetwork | None) ->
 
 
 def _of_ground(stage: Stage, mesh: Mesh, force: Array) -> Values:
-    """Return the reaction of the ground on a stage under a load (3,), and where its necks are stressed most."""
+    """Return the reaction of the ground on a stage under a load (3,), and where its necks are
+    stressed most.
+    """
     response = plates.solved(stage, *mesh)
     found: Values = {"reaction": force @ response.reactions}
     if mesh.layers:
@@ -466,37 +691,57 @@ def _of_ground(stage: Stage, mesh: Mesh, force: Array) -> Values:
 
 
 def _of_motions(stage: Stage, found: Mapping[str, ModelAnswer]) -> _Part:
-    """Warn of stages that leave small displacements, under the load or at the ends of the ranges at yield."""
+    """Warn of stages that leave small displacements, under the load or at the ends of the ranges at
+    yield.
+    """
     last = list(found.values())[-1].values
     poses = {"under this load": last["pose"]} if "pose" in last else {}
     for axis, unit in UNIT_POSES.items():
         poses[f"end of the range at yield in {axis}"] = last["yield_range"] * unit
-    return _Part(warnings=[text for where, pose in poses.items() for text in warning.of_motion(stage, pose, where)])
+    return _Part(
+        warnings=[
+            text for where, pose in poses.items() for text in warning.of_motion(stage, pose, where)
+        ]
+    )
 
 
 def _soft_bodies(found: Mapping[str, ModelAnswer]) -> _Part:
-    """Warn of directions in which the bodies, which the analytic model takes as rigid, are softer than the hinges."""
+    """Warn of directions in which the bodies, which the analytic model takes as rigid, are softer
+    than the hinges.
+    """
     if ELASTIC not in found:
         return _Part()
     rigid, elastic = (found[model].values["free"] for model in (ANALYTIC, ELASTIC))
     soft = ", ".join(compress(DIRECTIONS, rigid > 2 * elastic))
-    return _Part(warnings=[f"in {soft}, bodies are more compliant than hinges: {HINGES_ALONE}"] * bool(soft))
+    return _Part(
+        warnings=[f"in {soft}, bodies are more compliant than hinges: {HINGES_ALONE}"] * bool(soft)
+    )
 
 
 def _buckling(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> _Part:
-    """Return the loads at which hinges buckle by the analytic model, and warn of those below the forces at yield."""
+    """Return the loads at which hinges buckle by the analytic model, and warn of those below the
+    forces at yield.
+    """
     if ANALYTIC not in found:
         return _Part()
     loads = buckling_loads(mechanism.layout)
-    return _Part({"buckling_load": loads}, warnings=_of_buckling(loads, list(found.values())[-1].values))
+    return _Part(
+        {"buckling_load": loads}, warnings=_of_buckling(loads, list(found.values())[-1].values)
+    )
 
 
-def _body_yields(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> _Part:
-    """Name the part that yields first by finite elements, and the corners near which no stress is stated."""
+def _body_yields(
+    mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]
+) -> _Part:
+    """Name the part that yields first by finite elements, and the corners near which no stress is
+    stated.
+    """
     last = list(found.values())[-1].values
     if mesh is None or "body_rate" not in last:
         return _Part()
-    left_out = plates.left_out_corners(mechanism.layout, plates.meshed(mechanism, levels(mesh.resolution)[0]))
+    left_out = plates.left_out_corners(
+        mechanism.layout, plates.meshed(mechanism, levels(mesh.resolution)[0])
+    )
     return _Part(warnings=left_out, notes=[_first_yields(mechanism.layout, last)])
 
 
@@ -514,7 +759,10 @@ def _ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAn
         "range_limit": np.moveaxis(reached.array("governing"), -1, 2),
         "range_stress": np.moveaxis(reached.array("stress") / mechanism.layout.hinge_shares, -1, 2),
     }
-    bands = {"range": reached.array("displacement_band"), "range_force": reached.array("force_band")}
+    bands = {
+        "range": reached.array("displacement_band"),
+        "range_force": reached.array("force_band"),
+    }
     return _Part(values, bands, notes=described(mechanism.layout, reached))
 
 
@@ -579,10 +827,11 @@ def _first_yields(layout: Layout, values: Values) -> str:
 
 
 def buckling_loads(layout: Layout) -> Array:
-    """Return loads (2 others held or free, 2 senses, 3), N and N mm, at which hinges buckle; nan where they do not.
+    """Return loads (2 others held or free, 2 senses, 3), N and N mm, at which hinges buckle; nan
+    where they do not.
 
-    The other directions of the output are held, so that it keeps them, or free. The load is along one direction.
-    """
+    The other directions of the output are held, so that it keeps them, or free. The load is along
+    one direction."""
     senses = np.eye(3, len(layout.ports))[None] * np.array([1.0, -1.0])[:, None, None]
     loads = senses.reshape(6, -1)
     factors = list[Array]()
@@ -606,7 +855,8 @@ def _of_buckling(loads: Array, values: Values) -> list[str]:
                 text += f"; the linear force at yield is {_as_load(at_yield, axis)}"
                 found.setdefault((direction, text), []).append(sense)
     return [
-        f"hinges buckle before they yield along {'±' if len(senses) == 2 else senses[0]}{direction}: {text}"
+        "hinges buckle before they yield along "
+        f"{'±' if len(senses) == 2 else senses[0]}{direction}: {text}"
         for (direction, text), senses in found.items()
     ]
 
@@ -644,7 +894,9 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
         values["body_rate"] = found.highest.T
         values["free_body_rate"] = response.bodies(alone).highest.T
         hinges = [[joint.place.real, joint.place.imag] for joint in plate.layout.joints]
-        highest = np.concatenate([highest, (found.highest * plates.shares_of_yield(plate, "body_rate")).T])
+        highest = np.concatenate(
+            [highest, (found.highest * plates.shares_of_yield(plate, "body_rate")).T]
+        )
         first = np.argmax(highest, axis=0)
         at = np.array([[*hinges, *found.place[axis]][part] for axis, part in enumerate(first)])
         values |= {"yield_x": at[:, 0], "yield_y": at[:, 1]}
@@ -669,22 +921,33 @@ def _values(plate: Stage | Mechanism, response: Responses, load: _Load) -> dict[
         values |= {"force": loads[:3], "pose": motions, "energy": loads @ motions / 2}
         if isinstance(plate, Mechanism):
             values["pose"] = motions[: 3 * len(plate.layout.points)].reshape(-1, 3)
-        values["neck_stress" if isinstance(plate, Stage) else "hinge_stress"] = response.stress(loads)
+        values["neck_stress" if isinstance(plate, Stage) else "hinge_stress"] = response.stress(
+            loads
+        )
         if response.bodies is not None:
             bodies = response.bodies(loads)
             if len(plate.layout.points) > 1 and response.points is not None:
                 values["point_stress"] = response.points(loads)
-            values |= {"body_stress": bodies.highest, "body_x": bodies.place[:, 0], "body_y": bodies.place[:, 1]}
+            values |= {
+                "body_stress": bodies.highest,
+                "body_x": bodies.place[:, 0],
+                "body_y": bodies.place[:, 1],
+            }
     return values
 
 
-def _bands(plate: Stage | Mechanism, sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
+def _bands(
+    plate: Stage | Mechanism, sizes: Array, each: list[Values], ends: Sequence[Values]
+) -> dict[str, Any]:
     if isinstance(plate, Mechanism):
         return plates.value_bands(sizes, each, ends)
-    solutions, parts = np.array([one["compliance"] for one in each]), dict[str, Array]()
+    solutions = np.array([one["compliance"] for one in each])
+    parts = dict[str, Array]()
     if ends:
         solved = SolidLevels(solutions, *(one["compliance"] for one in ends))
-        parts = dict(zip(("band_plane", "band_thickness"), solid_bands(solved, int(sizes[-1])), strict=True))
+        parts = dict(
+            zip(("band_plane", "band_thickness"), solid_bands(solved, int(sizes[-1])), strict=True)
+        )
     bands = sum(parts.values()) if ends else compliance_bands(sizes, solutions)
     if ends:
         return {"compliance": bands, **parts}
@@ -700,9 +963,13 @@ def _bands(plate: Stage | Mechanism, sizes: Array, each: list[Values], ends: Seq
 
 
 def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dict[str, ModelAnswer]:
-    """Add bands that follow from that of the compliance, and the plane problems between which three dimensions lie."""
+    """Add bands that follow from that of the compliance, and the plane problems between which three
+    dimensions lie.
+    """
     label, (values, bands) = found.popitem()
-    widths, K, C = dict(bands), np.abs(values["stiffness"]), bands["compliance"]
+    widths = dict(bands)
+    K = np.abs(values["stiffness"])
+    C = bands["compliance"]
     parts = {name: widths.pop(name) for name in ("band_plane", "band_thickness") if name in widths}
     widths["stiffness"] = K @ C @ K  # dK = -K dC K
     widths["held"] = np.diag(widths["stiffness"])
@@ -715,26 +982,35 @@ def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dic
 
 
 def _fields(plate: Stage | Mechanism, mesh: Mesh, values: Values, loads: Array) -> MeshFields:
-    """Return displacement, mm, and stress, MPa, at all nodes by values under loads (n,) on the first ports.
+    """Return displacement, mm, and stress, MPa, at all nodes by values under loads (n,) on the
+    first ports.
 
     There are none in fixed bodies.
 
-    Those of a mechanism in three dimensions are on the coarsest mesh. Plane fields have the pose of the output.
-    """
-    size, ratio = mesh, plate.layout.out_of_plane
+    Those of a mechanism in three dimensions are on the coarsest mesh. Plane fields have the pose of
+    the output."""
+    size = mesh
+    ratio = plate.layout.out_of_plane
     if isinstance(plate, Mechanism) and mesh.layers:
         size = Mesh(levels(mesh.resolution)[0], mesh.layers)
     layers = plates.layers_of(plate, size.layers)
-    meshed = plates.meshed(plate, size.resolution) if isinstance(plate, Mechanism) else plates.solved(plate, *size).mesh
+    meshed = (
+        plates.meshed(plate, size.resolution)
+        if isinstance(plate, Mechanism)
+        else plates.solved(plate, *size).mesh
+    )
 
     def made() -> dict[str, Array]:
         whole = plates.solved(plate, *size).whole
-        C, count = whole.compliance, len(loads)
+        C = whole.compliance
+        count = len(loads)
         at_points = C[:3, 3:count] @ loads[3:]
         on_output = np.linalg.solve(C[:3, :3], np.ravel(values["pose"])[:3] - at_points)
         force = np.concatenate([on_output, loads[3:]])
-        part, field = whole.structure, np.tensordot(force, whole.nodal[:count], axes=1)
-        moving, highest = np.unique(part.mesh.triangles), np.zeros(field.shape[:-1])
+        part = whole.structure
+        field = np.tensordot(force, whole.nodal[:count], axes=1)
+        moving = np.unique(part.mesh.triangles)
+        highest = np.zeros(field.shape[:-1])
         stress = nodal_stress(part.mesh, part.plate, field, moving, part.layers)
         highest[moving] = von_mises(stress, ratio).reshape(highest[moving].shape)
         found = {"displacement": field, "von_mises": highest}
@@ -747,7 +1023,9 @@ def _fields(plate: Stage | Mechanism, mesh: Mesh, values: Values, loads: Array) 
 
 
 def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
-    """Return compliances (3, 3) in plane stress and in plane strain on the plane mesh of a response."""
+    """Return compliances (3, 3) in plane stress and in plane strain on the plane mesh of a
+    response.
+    """
     plate = sheet_of(stage)
     nu = plate.poissons_ratio
     held = Plate(plate.youngs_modulus / (1 - nu**2), nu / (1 - nu), plate.thickness)
@@ -756,7 +1034,9 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
 
 
 def _ends(ends: Array) -> dict[str, Array]:
-    """Return the ranges of the drive by the last model from the `ends` of `reach`, or from their bands."""
+    """Return the ranges of the drive by the last model from the `ends` of `reach`, or from their
+    bands.
+    """
     return {
         f"{others}_{end}": np.where(np.abs(pose) < 1e-12, 0.0, pose)
         for others, by_end in zip(("held", "free"), ends[:, :, -1], strict=True)
@@ -765,13 +1045,20 @@ def _ends(ends: Array) -> dict[str, Array]:
 
 
 def _material(plate: Stage | Mechanism) -> tuple[dict[str, Any], list[str]]:
-    """Return the plane problem and the yield strength as settings, and the sources of the material as notes."""
+    """Return the plane problem and the yield strength as settings, and the sources of the material
+    as notes.
+    """
     by_source = dict[str, list[str]]()
     for key in (key for key in plate.numbers if key.startswith("material")):
         name = without_unit(key.partition(".")[2]).replace("_", " ")
         by_source.setdefault(plate.sources[key] or "not stated", []).append(name)
-    settings = {"plane problem": PLANES[plate.model], "yield strength": f"{plate.material.yield_strength:g} MPa"}
-    return settings, [f"material ({', '.join(names)}): {source}" for source, names in by_source.items()]
+    settings = {
+        "plane problem": PLANES[plate.model],
+        "yield strength": f"{plate.material.yield_strength:g} MPa",
+    }
+    return settings, [
+        f"material ({', '.join(names)}): {source}" for source, names in by_source.items()
+    ]
 
 
 @setup.options(not_for="analytic", only_for="plane")
@@ -786,7 +1073,8 @@ def summary(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Summary:
-    """Stiffness of a stage or mechanism, range and force at which the first neck yields, and range of its drive.
+    """Stiffness of a stage or mechanism, range and force at which the first neck yields, and range
+    of its drive.
 
     Parameters
     ----------
@@ -807,23 +1095,38 @@ def summary(
     }
     found = stiffness(stage, analytic=analytic, **mesh, progress=progress)
     settings, notes = _material(stage)
-    settings, notes, warnings = settings | found.settings, [*found.notes, *notes], list(found.warnings)
+    settings = settings | found.settings
+    notes = [*found.notes, *notes]
+    warnings = list(found.warnings)
     parts: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
     reached: Result | None = None
     values, bands = parts
     for target, source in zip(parts, found.internal, strict=True):
         names = source.keys() & {"free", "yield_range", "yield_force", "stress", "thickness"}
         target |= {name: np.moveaxis(source[name], -1, 0) for name in names}
-        target |= {name: source[name] for name in ("range", "range_force", "range_limit") if name in source}
+        target |= {
+            name: source[name] for name in ("range", "range_force", "range_limit") if name in source
+        }
         if "stiffness" in source:
             target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
-        if isinstance(stage, Mechanism) and len(stage.layout.actuators) == 1 and "amplification" in source:
-            target |= {"amplification": source["amplification"][0].T, "input_stiffness": source["input_stiffness"][0]}
+        if (
+            isinstance(stage, Mechanism)
+            and len(stage.layout.actuators) == 1
+            and "amplification" in source
+        ):
+            target |= {
+                "amplification": source["amplification"][0].T,
+                "input_stiffness": source["input_stiffness"][0],
+            }
     if isinstance(stage, Mechanism):
         first = modes(stage, count=1, **mesh)
         values["frequency"] = first.internal.values["frequency"][0]
-        bands |= {name: band[0] for name, band in first.internal.bands.items() if name == "frequency"}
-        for target, source in zip(parts, (first.internal.values, first.internal.bands), strict=True):
+        bands |= {
+            name: band[0] for name, band in first.internal.bands.items() if name == "frequency"
+        }
+        for target, source in zip(
+            parts, (first.internal.values, first.internal.bands), strict=True
+        ):
             target |= {name: source[name] for name in source if name == "first_out_of_plane"}
         warnings += first.warnings
         if "first_out_of_plane" in values:
@@ -833,7 +1136,10 @@ def summary(
         if stage.layout.actuators:
             layers = setup.elements_through(solid, thickness_resolution)
             reached = of_mechanism(stage, plates.mesh_of(stage, models, resolution, layers), models)
-            drive = f"drive min, max: range of the drive with all actuators ({reached.axes['model'][-1]})"
+            drive = (
+                "drive min, max: range of the drive with all actuators "
+                f"({reached.axes['model'][-1]})"
+            )
             notes.append(f"{drive}; first frequency: without the actuators")
     else:
         settings = {"mobility": stage.mobility} | settings

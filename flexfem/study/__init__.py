@@ -20,8 +20,8 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
 
     Returns
     -------
-    A table with the columns `design`, `status`, `reason`, and the factors and outputs in file units. The names of
-    outputs end in their unit; outputs are nan where the status is not "ok".
+    A table with the columns `design`, `status`, `reason`, and the factors and outputs in file
+    units. The names of outputs end in their unit; outputs are nan where the status is not "ok".
 
     Raises
     ------
@@ -33,15 +33,26 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
     from flexfem.files.refusals import checked_path
     from flexfem.refused import BadInput
 
-    source, tables = checked_path(path), []
+    source = checked_path(path)
+    tables = []
     try:
         for file in sorted(source.glob("*.parquet")) if source.is_dir() else [source]:
-            content = BufferReader(file.read_bytes())  # pyarrow opens no file whose name is not UTF-8
-            tables.append(csv.read_csv(content) if file.suffix == ".csv" else parquet.read_table(content))
+            content = BufferReader(
+                file.read_bytes()
+            )  # pyarrow opens no file whose name is not UTF-8
+            tables.append(
+                csv.read_csv(content) if file.suffix == ".csv" else parquet.read_table(content)
+            )
         joined = concat_tables(tables)
     except (OSError, ArrowException) as error:
-        reason = "no such file" if isinstance(error, FileNotFoundError) else "damaged, or neither Parquet nor CSV"
+        reason = (
+            "no such file"
+            if isinstance(error, FileNotFoundError)
+            else "damaged, or neither Parquet nor CSV"
+        )
         raise BadInput(f"{source}: expected the table of a study: {reason}") from None
     if not {"design", "status", "reason"} <= set(joined.column_names):
-        raise BadInput(f"{source}: expected the table of a study, with columns design, status and reason")
+        raise BadInput(
+            f"{source}: expected the table of a study, with columns design, status and reason"
+        )
     return joined if as_arrow else joined.to_pandas()

@@ -52,25 +52,39 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     """
     if path.suffix not in FORMATS:
         raise BadInput(f"{path}, expected a file name that ends in {' or '.join(FORMATS)}")
-    found, loaded = survey(parts), parts.loaded
+    found = survey(parts)
+    loaded = parts.loaded
     if found.damaged:
         first, *rest = found.damaged.values()
         more = f", and {len(rest)} more such parts" if rest else ""
         raise BadInput(f"{first}{more}; {RUN_AGAIN}")
     designs = sum(map(len, found.counts))
     if designs == 0 or (designs < loaded.count and not partial):
-        others = f"; {len(found.stale)} parts there belong to other inputs or versions" if found.stale else ""
+        others = (
+            f"; {len(found.stale)} parts there belong to other inputs or versions"
+            if found.stale
+            else ""
+        )
         state = f"{loaded.count - designs} of {loaded.count} designs are unfinished"
-        state, choice = (state, ", or pass --partial") if designs else ("no designs are finished", "")
+        state, choice = (
+            (state, ", or pass --partial") if designs else ("no designs are finished", "")
+        )
         raise BadInput(f"{parts.folder}: {state}. Run `flexfem study run`{choice}{others}")
     about = json.loads(parts.schema.metadata[ABOUT]) | {"count": loaded.count}
     metadata = {ABOUT: json.dumps(about, sort_keys=True).encode()}
     schema = _with_derived(loaded, parts.schema.empty_table()).schema.with_metadata(metadata)
     with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
         csv = path.suffix == ".csv"
-        with pyarrow.csv.CSVWriter(file, schema) if csv else pq.ParquetWriter(file, schema, **PARQUET) as writer:
-            chunks, several = list(found.counts), -(-GROUP // parts.size)
-            for group in (chunks[start : start + several] for start in range(0, len(chunks), several)):
+        with (
+            pyarrow.csv.CSVWriter(file, schema)
+            if csv
+            else pq.ParquetWriter(file, schema, **PARQUET) as writer
+        ):
+            chunks = list(found.counts)
+            several = -(-GROUP // parts.size)
+            for group in (
+                chunks[start : start + several] for start in range(0, len(chunks), several)
+            ):
                 tables = (_checked(parts, chunk).replace_schema_metadata(None) for chunk in group)
                 joined = _with_derived(loaded, pa.concat_tables(tables).combine_chunks())
                 writer.write_table(joined.replace_schema_metadata(metadata))
@@ -78,7 +92,9 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
 
 
 def _checked(parts: Parts, chunk: range) -> Any:
-    """Return the table of a part. Raises BadInput, which says what to do, where it does not match its seal."""
+    """Return the table of a part. Raises BadInput, which says what to do, where it does not match
+    its seal.
+    """
     try:
         return read_part(parts, chunk)
     except FileNotFoundError:
@@ -89,7 +105,9 @@ def _checked(parts: Parts, chunk: range) -> Any:
 
 
 def _with_derived(loaded: LoadedStudy, stored: Any) -> Any:
-    """Return a table of designs with the columns of derived outputs, and of feasibility under constraints."""
+    """Return a table of designs with the columns of derived outputs, and of feasibility under
+    constraints.
+    """
     names = [*(column.name for column in loaded.columns), *loaded.outputs]
     columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names}
     ok = np.asarray(pc.equal(stored["status"], OK).to_numpy(), dtype=bool)
@@ -103,12 +121,13 @@ def _with_derived(loaded: LoadedStudy, stored: Any) -> Any:
 
 @dataclass(frozen=True)
 class StudyTable:
-    """Results of n designs: numbers of the designs (n,), ascending, and status and reason (n,) as texts.
+    """Results of n designs: numbers of the designs (n,), ascending, and status and reason (n,) as
+    texts.
 
-    columns : factors, outputs and derived outputs by name, in file units; nan where there is no number. Columns of a
-    table on disk are read at each access and not kept.
-    feasible : designs that have a result and keep all constraints; None in a study without constraints.
-    """
+    columns : factors, outputs and derived outputs by name, in file units; nan where there is no
+    number. Columns of a table on disk are read at each access and not kept.
+    feasible : designs that have a result and keep all constraints; None in a study without
+    constraints."""
 
     design: Index
     status: AnyArray
@@ -143,19 +162,32 @@ class StudyTable:
 
     @cached_property
     def round_off_sizes(self) -> dict[str, float]:
-        """Reference size of each column that symmetry can make zero, by medians of other columns; for round-off."""
+        """Reference size of each column that symmetry can make zero, by medians of other columns;
+        for round-off.
+        """
         references = [name for name in (*STIFFNESSES[:3], *DRIFTS) if name in self.columns]
-        medians = [np.asarray(np.median(np.abs(values))) for values in self.with_results(*references)]
-        return {name: float(size) for name, size in sizes_of(dict(zip(references, medians, strict=True))).items()}
+        medians = [
+            np.asarray(np.median(np.abs(values))) for values in self.with_results(*references)
+        ]
+        return {
+            name: float(size)
+            for name, size in sizes_of(dict(zip(references, medians, strict=True))).items()
+        }
 
     def with_results(self, *names: str) -> list[Array]:
         """Return columns of the designs with a result."""
-        return [self.columns[name] if self.ok.all() else self.columns[name][self.ok] for name in names]
+        return [
+            self.columns[name] if self.ok.all() else self.columns[name][self.ok] for name in names
+        ]
 
 
 def counted_warnings(reasons: Counter[str]) -> list[str]:
     """Return the warnings about results, which are their reasons, each with its number of designs."""
-    return [f"{n:,} of {reasons.total():,} designs with a result: {text}" for text, n in reasons.most_common() if text]
+    return [
+        f"{n:,} of {reasons.total():,} designs with a result: {text}"
+        for text, n in reasons.most_common()
+        if text
+    ]
 
 
 class _Stored(dict[str, Array]):
@@ -167,7 +199,9 @@ class _Stored(dict[str, Array]):
 
     def __missing__(self, name: str) -> Array:
         with opened(self._path, DAMAGED) as file:
-            return np.asarray(file.read([name], use_threads=False)[name].to_numpy(), dtype=np.float64)
+            return np.asarray(
+                file.read([name], use_threads=False)[name].to_numpy(), dtype=np.float64
+            )
 
     def __contains__(self, name: object) -> bool:
         return name in self._names
@@ -177,7 +211,13 @@ def read_table(path: Path) -> StudyTable:
     """Read a Parquet table that `collect` wrote. Raises BadInput when it is damaged."""
     with opened(path, DAMAGED, read_dictionary=TEXTS) as file:
         names = file.schema_arrow.names
-        table = file.read([name for name in ("design", *TEXTS, FEASIBLE) if name in names], use_threads=False)
+        table = file.read(
+            [name for name in ("design", *TEXTS, FEASIBLE) if name in names], use_threads=False
+        )
     status, reason = (table[name].unify_dictionaries().to_numpy() for name in TEXTS)
-    feasible = np.asarray(pc.fill_null(table[FEASIBLE], False).to_numpy(), bool) if FEASIBLE in names else None
+    feasible = (
+        np.asarray(pc.fill_null(table[FEASIBLE], False).to_numpy(), bool)
+        if FEASIBLE in names
+        else None
+    )
     return StudyTable(table["design"].to_numpy(), status, reason, _Stored(path, names), feasible)

@@ -1,8 +1,9 @@
-"""Table of the output columns of a study: name, which ends in the unit, label, meaning and computation.
+"""Table of the output columns of a study: name, which ends in the unit, label, meaning and
+computation.
 
-A column is computed from the `DesignAnswers` of a batch of designs by the analytic model, or of one design by finite
-elements. Any other number in a result of flexfem is a column by its path, such as `drift.pose.uniform.analytic.x`.
-"""
+A column is computed from the `DesignAnswers` of a batch of designs by the analytic model, or of one
+design by finite elements. Any other number in a result of flexfem is a column by its path, such as
+`drift.pose.uniform.analytic.x`."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ class Group(NamedTuple):
     """Columns that are computed together.
 
     labels : label by column.
-    values : returns (n, columns) from the results of n designs and the largest rotation of a base hinge, inside units.
+    values : returns (n, columns) from the results of n designs and the largest rotation of a base
+    hinge, inside units.
     table : table of the study file that requests them, "" where every study has them.
     """
 
@@ -81,7 +83,8 @@ GROUPS = (
     ),
     Group(
         _by_direction("range", "range in {} at yield"),
-        "displacement at which the first hinge yields; where the stress is high, it is low by the same factor",
+        "displacement at which the first hinge yields; where the stress is high, it is low by "
+        "the same factor",
         lambda result, _: result.range_at_yield,
     ),
     Group(
@@ -91,17 +94,19 @@ GROUPS = (
     ),
     Group(
         _by_direction("travel", "travel in {}, base hinges"),
-        "with `[drive]` `stroke_um`: displacement at which the first base hinge has rotated by stroke over lever arm. "
-        "Other hinges, contacts and forces are ignored: the range of a real drive is less, `drive_range_x_um`",
+        "with `[drive]` `stroke_um`: displacement at which the first base hinge has rotated by "
+        "stroke over lever arm. Other hinges, contacts and forces are ignored: the range of a "
+        "real drive is less, `drive_range_x_um`",
         lambda result, rotation: result.travel(rotation),
         "travel",
     ),
     Group(
         _by_direction("drive_range", "range of the drive in {}"),
-        "with `[drive]` `actuators`: displacement of the platform from rest that commands reach with the other two "
-        "directions at zero, within strokes, contacts (none may be lost), blocking forces and yield, without load, as "
-        "in `flexfem reach` (others zero): the smaller of both senses, thus zero where single stacks drive one sense "
-        "only; `fe`: with the neck loads of the finite elements",
+        "with `[drive]` `actuators`: displacement of the platform from rest that commands reach "
+        "with the other two directions at zero, within strokes, contacts (none may be lost), "
+        "blocking forces and yield, without load, as in `flexfem reach` (others zero): the "
+        "smaller of both senses, thus zero where single stacks drive one sense only; `fe`: with "
+        "the neck loads of the finite elements",
         lambda result, _: result.drives.range,
         "drive",
     ),
@@ -111,17 +116,19 @@ GROUPS = (
             "engaged_kyy_n_per_mm": "engaged stiffness YY",
             "engaged_ktt_n_mm_per_rad": "engaged stiffness θθ",
         },
-        "with `[drive]` `actuators`: stiffness with constant strokes of the stacks, other two directions held; "
-        "rigid links make it 50 % too large on the reference stages, elastic links agree with `fe` within 0.3 %",
+        "with `[drive]` `actuators`: stiffness with constant strokes of the stacks, other two "
+        "directions held; rigid links make it 50 % too large on the reference stages, elastic "
+        "links agree with `fe` within 0.3 %",
         lambda result, _: np.diagonal(result.drives.engaged, axis1=1, axis2=2),
         "drive",
     ),
     Group(
         {f"frequency_{k}_hz": f"natural frequency {k}" for k in (1, 2, 3)},
-        "with `[frequencies]`: the three lowest natural frequencies in the plane, drives disengaged; `analytic`: "
-        "platform and links as rigid bodies (with `links`: elastic links) on the model's hinges, 6 to 7 % high with "
-        "the default formula on the reference stages because its hinges are too stiff, within 0.01 % with calibrated "
-        "hinges and `links`; `fe`: as `flexfem modes` on one mesh. Modes out of the plane can be lower",
+        "with `[frequencies]`: the three lowest natural frequencies in the plane, drives "
+        "disengaged; `analytic`: platform and links as rigid bodies (with `links`: elastic "
+        "links) on the model's hinges, 6 to 7 % high with the default formula on the reference "
+        "stages because its hinges are too stiff, within 0.01 % with calibrated hinges and "
+        "`links`; `fe`: as `flexfem modes` on one mesh. Modes out of the plane can be lower",
         lambda result, _: np.asarray(result.frequencies),
         "frequencies",
     ),
@@ -129,17 +136,20 @@ GROUPS = (
         {"life_cycles": "cycles at the amplitude"}
         | _by_direction("life_amplitude", "amplitude in {} for the required life")
         | {"safety_factor": "yield strength over neck stress"},
-        "with `[life]`: cycles at the amplitude, amplitude of each moved direction for the required life, and yield "
-        "strength over the largest neck stress in a cycle, as in `flexfem life`. The relative error of a life is about "
-        "ten times that of the stress: use calibrated hinges with `links`, or `fe`. Lives beyond yield, or outside the "
-        "cycles of Basquin's law, are counted in warnings. Preloads of single stacks are not included",
-        lambda result, _: np.column_stack([result.lives.cycles, result.lives.largest, result.lives.safety]),
+        "with `[life]`: cycles at the amplitude, amplitude of each moved direction for the "
+        "required life, and yield strength over the largest neck stress in a cycle, as in "
+        "`flexfem life`. The relative error of a life is about ten times that of the stress: use "
+        "calibrated hinges with `links`, or `fe`. Lives beyond yield, or outside the cycles of "
+        "Basquin's law, are counted in warnings. Preloads of single stacks are not included",
+        lambda result, _: np.column_stack(
+            [result.lives.cycles, result.lives.largest, result.lives.safety]
+        ),
         "life",
     ),
     Group(
         _by_direction("drift", "drift in {} per kelvin", "um_per_k", "urad_per_k"),
-        "with `[drift]`: pose per kelvin of a uniform temperature change, as in `flexfem drift`; round-off in X and Y "
-        "where chains are identical",
+        "with `[drift]`: pose per kelvin of a uniform temperature change, as in `flexfem drift`; "
+        "round-off in X and Y where chains are identical",
         lambda result, _: result.drift.uniform,
         "drift",
     ),
@@ -148,10 +158,11 @@ GROUPS = (
             "drift_gradient_um_per_k_per_mm": "largest drift by a gradient",
             "drift_gradient_theta_urad_per_k_per_mm": "largest drift in θ by a gradient",
         },
-        "with `[drift]`: largest translation and rotation under a gradient of 1 K/mm, each in its worst direction in "
-        "the plane, zero at the platform's centre. All five numbers of drift against finite elements: within 0.2 % "
-        "with calibrated hinges and `links`; with rigid links, which neglect that the frame bends the clamped edges, "
-        "within 1.4 % with calibrated hinges and 13 % with the default formula. Stacks, and gradients through the "
+        "with `[drift]`: largest translation and rotation under a gradient of 1 K/mm, each in "
+        "its worst direction in the plane, zero at the platform's centre. All five numbers of "
+        "drift against finite elements: within 0.2 % with calibrated hinges and `links`; with "
+        "rigid links, which neglect that the frame bends the clamped edges, within 1.4 % with "
+        "calibrated hinges and 13 % with the default formula. Stacks, and gradients through the "
         "thickness, are not included",
         lambda result, _: result.drift.gradient,
         "drift",
@@ -175,52 +186,81 @@ GROUPS = (
         "bands",
     ),
 )
-(STIFFNESSES, COUPLINGS, STRESSES, RANGES, ENVELOPE, TRAVELS, DRIVE_RANGES, ENGAGED, FREQUENCIES, LIVES, DRIFTS,
- GRADIENTS, ERRORS, CROSSES, BANDS) = (group.names for group in GROUPS)  # fmt: skip
+(
+    STIFFNESSES,
+    COUPLINGS,
+    STRESSES,
+    RANGES,
+    ENVELOPE,
+    TRAVELS,
+    DRIVE_RANGES,
+    ENGAGED,
+    FREQUENCIES,
+    LIVES,
+    DRIFTS,
+    GRADIENTS,
+    ERRORS,
+    CROSSES,
+    BANDS,
+) = (group.names for group in GROUPS)
 OPTIONAL = tuple(dict.fromkeys(group.table for group in GROUPS if group.table))
 LIFE_AMPLITUDES = LIVES[1:4]
 MEANINGS = {group.names: group.meaning for group in GROUPS}
 LABELS = {name: label for group in GROUPS for name, label in group.labels.items()}
-CROSS = dict(zip(STIFFNESSES[3:], combinations(STIFFNESSES[:3], 2), strict=True))  # with those along each direction
-SCALES = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(CROSSES, 100.0)  # of other columns that may vanish
+CROSS = dict(
+    zip(STIFFNESSES[3:], combinations(STIFFNESSES[:3], 2), strict=True)
+)  # with those along each direction
+SCALES = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(
+    CROSSES, 100.0
+)  # of other columns that may vanish
 
 
 def outputs_of(*tables: str, moved: Sequence[float] = ()) -> tuple[str, ...]:
-    """Return the output columns of a study with the given tables, without life amplitudes where `moved` has zeros."""
+    """Return the output columns of a study with the given tables, without life amplitudes where
+    `moved` has zeros.
+    """
     unmoved = {name for name, moves in zip(LIFE_AMPLITUDES, moved, strict=False) if not moves}
     groups = [group for group in GROUPS if group.table in ("", *tables)]
     return tuple(name for group in groups for name in group.names if name not in unmoved)
 
 
 def values_of(result: DesignAnswers, names: Sequence[str], rotation: float | None) -> Array:
-    """Return values (n, names) of columns from results of n designs; `rotation` of base hinges, rad, for travels."""
+    """Return values (n, names) of columns from results of n designs; `rotation` of base hinges,
+    rad, for travels.
+    """
     values: dict[str, Array] = {}
     for group in GROUPS:
         if not set(group.names).isdisjoint(names):
             factors = [unit_of(name).factor for name in group.names]
-            values |= dict(zip(group.names, (group.values(result, rotation or 0.0) * factors).T, strict=True))
+            values |= dict(
+                zip(group.names, (group.values(result, rotation or 0.0) * factors).T, strict=True)
+            )
     return np.stack([values[name] for name in names], axis=1)
 
 
 def sizes_of(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the reference size, (n,) or one number, of each column that symmetry can make zero; for round-off.
+    """Return the reference size, (n,) or one number, of each column that symmetry can make zero;
+    for round-off.
 
-    columns : (n,) each, stiffnesses and drift by name.   Drift in X and Y also refers to that of the rotation at 1 mm.
-    """
+    columns : (n,) each, stiffnesses and drift by name.   Drift in X and Y also refers to that of
+    the rotation at 1 mm."""
     sizes = {name: np.asarray(scale) for name, scale in SCALES.items()}
     for name, (first, second) in CROSS.items():
         if {first, second} <= columns.keys():
             sizes[name] = np.sqrt(np.abs(columns[first] * columns[second]))
     if DRIFTS[0] in columns:
         x, y, theta = (np.abs(columns[name]) for name in DRIFTS)
-        sizes |= dict.fromkeys(DRIFTS[:2], np.maximum(np.maximum(x, y), 1e-3 * theta))  # um per urad at 1 mm
+        sizes |= dict.fromkeys(
+            DRIFTS[:2], np.maximum(np.maximum(x, y), 1e-3 * theta)
+        )  # um per urad at 1 mm
     return sizes
 
 
 class Rows(NamedTuple):
     """Results of n designs by a model.
 
-    status : (n,), "ok"; "refused", the design is impossible; "failed", mesh or solver; "time limit"; "crashed".
+    status : (n,), "ok"; "refused", the design is impossible; "failed", mesh or solver; "time
+    limit"; "crashed".
     reason : (n,), one line: why the status is not "ok", else warnings about the result, mostly "".
     values : (n, outputs), in the columns' units; nan where not ok.
     """
@@ -231,5 +271,11 @@ class Rows(NamedTuple):
 
 
 def row_of(status: str, reason: str, values: ArrayLike) -> Rows:
-    """Return the row of one design with values (outputs,), which are nan where the status is not "ok"."""
-    return Rows(np.array([status], object), np.array([one_line(reason, LONGEST)], object), np.array([values], float))
+    """Return the row of one design with values (outputs,), which are nan where the status is not
+    "ok".
+    """
+    return Rows(
+        np.array([status], object),
+        np.array([one_line(reason, LONGEST)], object),
+        np.array([values], float),
+    )

@@ -30,16 +30,21 @@ NAMED = ("key", "keys", "label")  # keys that name a factor of any kind
 
 
 def _matching(pattern: str) -> Keywords:
-    """Return the schema of the known key paths, and of a pattern for those with actuator names of the stage file."""
+    """Return the schema of the known key paths, and of a pattern for those with actuator names of
+    the stage file.
+    """
     return Keywords(lambda: {"anyOf": [{"enum": list(keys())}, {"pattern": pattern}]})
 
 
 KeyName: TypeAlias = Annotated[Label, _matching(r"^((override\.\d\.)?actuator|parameters)\.")]
-KeyPattern: TypeAlias = Annotated[Label, _matching(r"^((override\.[\d*]\.)?actuator|parameters)\.|\*")]
+KeyPattern: TypeAlias = Annotated[
+    Label, _matching(r"^((override\.[\d*]\.)?actuator|parameters)\.|\*")
+]
 
 
 class Factor(Table):
-    """One factor: a list, a range (`from` to `to`) or a distribution; without any of these, a column of your own table.
+    """One factor: a list, a range (`from` to `to`) or a distribution; without any of these, a
+    column of your own table.
 
     All numbers are in the units of the stage file.
     """
@@ -47,11 +52,15 @@ class Factor(Table):
     named: ClassVar[tuple[str, ...]] = NAMED
 
     key: KeyPattern | None = Field(default=None, examples=["hinges.base.radius_mm"])
-    """Key path of a number of the stage file. `override.2.elbow.neck_mm` is that of one hinge, here in chain 2, even
-    where the stage file has no such override. A star stands for several independent factors: `override.*.*.neck_mm`.
-    A hinge with its own override in the stage file does not follow `hinges.elbow.neck_mm`"""
+    """Key path of a number of the stage file. `override.2.elbow.neck_mm` is that of one hinge, here
+    in chain 2, even where the stage file has no such override. A star stands for several
+    independent factors: `override.*.*.neck_mm`. A hinge with its own override in the stage file
+    does not follow `hinges.elbow.neck_mm` """
     keys: tuple[KeyName, ...] | None = Field(
-        default=None, min_length=1, max_length=MANY_KEYS, examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]]
+        default=None,
+        min_length=1,
+        max_length=MANY_KEYS,
+        examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]],
     )
     """Instead of `key`: several keys that take the same value"""
     label: Label | None = Field(default=None, examples=["neck of the base hinge"])
@@ -69,9 +78,9 @@ class Factor(Table):
     points: int | None = Field(default=None, ge=2, le=MANY, examples=[5])
     """Number of points of a range, in a grid only"""
     distribution: Literal["normal", "uniform"] | None = None
-    """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, `upper`. The values of
-    a list or range must be within the limits of the key; a distribution may exceed them, and a design outside is
-    `refused` with its reason"""
+    """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`,
+    `upper`. The values of a list or range must be within the limits of the key; a distribution may
+    exceed them, and a design outside is `refused` with its reason """
     mean: AnyNumber | None = Field(default=None, examples=[0.5])
     """Mean of a normal distribution, by default the value of the base stage"""
     sd: AnyPositive | None = Field(default=None, examples=[0.005])
@@ -87,7 +96,9 @@ class Factor(Table):
             raise refusal("either key or keys")
         if self.key is not None and "*" in self.key:
             if not matching_keys(self.key):
-                raise refusal("stars for hinge names or chains: hinges.*.neck_mm, override.*.*.neck_mm", "key")
+                raise refusal(
+                    "stars for hinge names or chains: hinges.*.neck_mm, override.*.*.neck_mm", "key"
+                )
             if self.label is not None:
                 raise refusal("no label with a star: every factor is named by its own key", "label")
         elif self.key is not None:
@@ -114,7 +125,10 @@ class Factor(Table):
             raise refusal("> 0 on a logarithmic scale", "from")
         if self.values is not None and len(set(self.values)) < len(self.values):
             raise refusal("each value once", "values")
-        numbers: dict[tuple[str | int, ...], float | None] = {("from",): self.start, ("to",): self.end}
+        numbers: dict[tuple[str | int, ...], float | None] = {
+            ("from",): self.start,
+            ("to",): self.end,
+        }
         numbers |= {("values", index): value for index, value in enumerate(self.values or ())}
         for place, value in numbers.items():
             for key in (keys()[path] for path in self.paths):
@@ -135,16 +149,26 @@ class Factor(Table):
     @property
     def paths(self) -> tuple[str, ...]:
         """All keys of the factor, stars expanded."""
-        return self.keys or (matching_keys(self.key) if self.key and "*" in self.key else (self.key or "",))
+        return self.keys or (
+            matching_keys(self.key) if self.key and "*" in self.key else (self.key or "",)
+        )
 
 
 def given_in(table: Table) -> list[str]:
     """Return the keys that a table of a file has."""
-    return [field.alias or name for name, field in type(table).model_fields.items() if name in table.model_fields_set]
+    return [
+        field.alias or name
+        for name, field in type(table).model_fields.items()
+        if name in table.model_fields_set
+    ]
 
 
-def require_keys(table: Table, choice: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
-    """Refuse a table without a key that a choice in it requires, or with a key that the choice does not use."""
+def require_keys(
+    table: Table, choice: str, required: tuple[str, ...], optional: tuple[str, ...]
+) -> None:
+    """Refuse a table without a key that a choice in it requires, or with a key that the choice does
+    not use.
+    """
     given = given_in(table)
     for name in required:
         if name not in given:
@@ -158,11 +182,17 @@ def _check_key(key: str, *at: str | int) -> None:
     if "*" in key:
         raise refusal("no star in keys: all of them take the same value", *at)
     if key not in keys():
-        raise refusal(f"a number of the stage format{key_suggestion(key, keys()) or ', see flexfem schema stage'}", *at)
+        raise refusal(
+            "a number of the stage "
+            f"format{key_suggestion(key, keys()) or ', see flexfem schema stage'}",
+            *at,
+        )
 
 
 class Column(NamedTuple):
-    """One independent factor: the `name` of its column, the `keys` that take its value, and `factor` with its mean."""
+    """One independent factor: the `name` of its column, the `keys` that take its value, and
+    `factor` with its mean.
+    """
 
     name: str
     keys: tuple[str, ...]
@@ -176,18 +206,23 @@ def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
         if factor.key is not None and "*" in factor.key:
             columns += [Column(path, (path,), factor) for path in factor.paths]
         else:
-            columns.append(Column(factor.label or factor.key or " = ".join(factor.paths), factor.paths, factor))
+            columns.append(
+                Column(factor.label or factor.key or " = ".join(factor.paths), factor.paths, factor)
+            )
     return tuple(columns)
 
 
-def columns_on(stage: Stage | Mechanism, factor: Factor, unused_keys: frozenset[str]) -> Iterator[Column]:
-    """Yield the columns of a factor; a normal distribution without a mean takes the value of the base stage.
+def columns_on(
+    stage: Stage | Mechanism, factor: Factor, unused_keys: frozenset[str]
+) -> Iterator[Column]:
+    """Yield the columns of a factor; a normal distribution without a mean takes the value of the
+    base stage.
 
-    unused_keys : key paths that no output depends on.   Raises BadInput: the stage has no value for the mean, or
-    several; or no output depends on the keys.
-    """
+    unused_keys : key paths that no output depends on.   Raises BadInput: the stage has no value for
+    the mean, or several; or no output depends on the keys."""
     for column in columns_of([factor]):
-        names, column_keys = ", ".join(column.keys), [keys()[path] for path in column.keys]
+        names = ", ".join(column.keys)
+        column_keys = [keys()[path] for path in column.keys]
         if factor.kind == "normal" and factor.mean is None:
             means = {key.value_in(stage) for key in column_keys}
             if len(means) != 1 or means == {None}:
@@ -195,13 +230,22 @@ def columns_on(stage: Stage | Mechanism, factor: Factor, unused_keys: frozenset[
             column = column._replace(factor=factor.model_copy(update={"mean": means.pop()}))
         for key in column_keys:
             if isinstance(stage, Mechanism) and not key.places_in(stage):
-                known = ", ".join(f"{PARAMETERS[0]}.{name}" for name in stage.parameters) or "it has none"
+                known = (
+                    ", ".join(f"{PARAMETERS[0]}.{name}" for name in stage.parameters)
+                    or "it has none"
+                )
                 raise BadInput(f"key = {key.path}, expected a parameter of the mechanism ({known})")
             if isinstance(stage, Stage) and key.of_drive and not key.places_in(stage):
                 actuators = ", ".join(actuator.name for actuator in stage.actuator) or "it has none"
-                expected = f"a number that an actuator of the stage ({actuators}) states and that no override replaces"
+                expected = (
+                    f"a number that an actuator of the stage ({actuators}) states and that no "
+                    "override replaces"
+                )
                 raise BadInput(f"key = {key.path}, expected {expected}")
         if not any(key.places_in(stage) for key in column_keys if key.path not in unused_keys):
-            expected = "a number that affects outputs: overrides replace it, or no requested output needs it"
+            expected = (
+                "a number that affects outputs: overrides replace it, or no requested output "
+                "needs it"
+            )
             raise BadInput(f"key = {names}, expected {expected}")
         yield column

@@ -1,4 +1,6 @@
-"""Findings of a study as records for figures, page and terminal: maps, fronts, percentiles, Sobol indices."""
+"""Findings of a study as records for figures, page and terminal: maps, fronts, percentiles, Sobol
+indices.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,13 @@ from flexfem.units import DIRECTIONS, unit_of, without_unit
 if TYPE_CHECKING:
     from flexfem.study.collect import StudyTable
 
-PER_CELL, MOST_CELLS = 12, 25  # mean designs in a cell of a map; most cells along one side
+PER_CELL = 12
+MOST_CELLS = 25  # mean designs in a cell of a map; most cells along one side
 FEW = 3  # least number of random designs for a mean
 CONFIDENCE = 0.95
 LEAST = 100  # designs for indices from a plain sample; with 60, intervals of 95 % covered 86 %
-MOST_BINS, FEW_LEVELS = 32, 12  # most bins of the range of a factor; most values that are groups by themselves
+MOST_BINS = 32
+FEW_LEVELS = 12  # most bins of the range of a factor; most values that are groups by themselves
 FLAT = 1e-9  # relative spread up to which a value is constant but for round-off
 MARKED = (2.5, 50.0, 97.5)  # percentiles
 ATTEMPTS = 2000  # most designs of a front that are tested for drawing; some 10 ms each
@@ -64,7 +68,9 @@ class AxisText(NamedTuple):
 
 
 class Caption(NamedTuple):
-    """Text above a figure: title, lines on the origin of its numbers, key paths of assumed and not stated numbers."""
+    """Text above a figure: title, lines on the origin of its numbers, key paths of assumed and not
+    stated numbers.
+    """
 
     title: str
     lines: Sequence[str]
@@ -90,7 +96,9 @@ def output(column: str, study: Study | None = None) -> AxisText:
 
 
 def asked(path: str, mechanism: bool) -> AxisText:
-    """Return the meaning and unit of a number of a result at a path such as `stiffness.free.analytic.x`."""
+    """Return the meaning and unit of a number of a result at a path such as
+    `stiffness.free.analytic.x`.
+    """
     question, name, *labels = path.replace("_", " ").split(".")
     kind = get_type_hints(getattr(flexfem, question))["return"]
     of_stage, of_mechanism = get_args(kind) or (kind, kind.of_mechanism)
@@ -135,10 +143,14 @@ def words(key: str) -> str:
 
 def model_words(loaded: LoadedStudy) -> str:
     """Return a description of the model."""
-    study, base = loaded.study, loaded.base
+    study = loaded.study
+    base = loaded.base
     analytic = "rigid bodies and beam integrals of the hinges"
     if isinstance(base, Stage):
-        analytic = f"{study.formula}, mobility {study.mobility or base.mobility}{', elastic links' * study.links}"
+        analytic = (
+            f"{study.formula}, mobility "
+            f"{study.mobility or base.mobility}{', elastic links' * study.links}"
+        )
     meshed = f"{study.resolution} triangles across every neck"
     layers = f"{study.layers} layer{'s' * (study.layers > 1)}"
     model = {
@@ -171,7 +183,9 @@ def sentence(text: str) -> str:
 
 @brief
 class Source(NamedTuple):
-    """Data of all figures: the study, its table, and the factors and outputs of the base stage by column."""
+    """Data of all figures: the study, its table, and the factors and outputs of the base stage by
+    column.
+    """
 
     loaded: LoadedStudy
     table: StudyTable
@@ -186,25 +200,37 @@ class Source(NamedTuple):
         return self._cleared(name, self.table.columns[name])
 
     def base_value(self, name: str) -> float | None:
-        """Return the number of the base stage in a column, round-off as 0; None where it is not known."""
+        """Return the number of the base stage in a column, round-off as 0; None where it is not
+        known.
+        """
         value = float(self._cleared(name, np.asarray(self.nominal.get(name, np.nan))))
         return value if np.isfinite(value) else None
 
     def _cleared(self, name: str, values: Array) -> Array:
-        return np.where(np.abs(values) <= ROUND_OFF * self.table.round_off_sizes.get(name, 0.0), 0.0, values)
+        return np.where(
+            np.abs(values) <= ROUND_OFF * self.table.round_off_sizes.get(name, 0.0), 0.0, values
+        )
 
     def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
         """Return the text above a figure, with the title of the study file where it has one."""
-        loaded, study, table = self.loaded, self.loaded.study, self.table
+        loaded = self.loaded
+        study = self.loaded.study
+        table = self.table
         counts = table.counts | {"unfinished": loaded.count - len(table.design)}
         text = [
             f"Study: {study.name}. Base: {loaded.base.name}.",
-            f"{model_words(loaded)}. {thousands(loaded.count)} designs ({sampling_words(loaded)}): {counted(counts)}.",
+            f"{model_words(loaded)}. {thousands(loaded.count)} designs "
+            f"({sampling_words(loaded)}): {counted(counts)}.",
         ]
         if study.constraint:
-            limits = "; ".join(f"{constraint.title} {constraint.expected}" for constraint in study.constraint)
-            kept, computed = thousands(int(table.kept.sum())), thousands(int(table.ok.sum()))
-            text.append(f"{kept} of {computed} designs with a result satisfy the constraints: {limits}.")
+            limits = "; ".join(
+                f"{constraint.title} {constraint.expected}" for constraint in study.constraint
+            )
+            kept = thousands(int(table.kept.sum()))
+            computed = thousands(int(table.ok.sum()))
+            text.append(
+                f"{kept} of {computed} designs with a result satisfy the constraints: {limits}."
+            )
         text += [f"{warning}." for warning in table.warnings]
         if study.behind(name for name, _ in figure.columns.values()) & {*STRESSES, *RANGES, *LIVES}:
             text.append(sentence(loaded.stress_accuracy))
@@ -212,7 +238,8 @@ class Source(NamedTuple):
 
     def base_point(self, x: str, y: str) -> tuple[float, float] | None:
         """Return two numbers of the base stage, None where they are not known."""
-        base_x, base_y = self.base_value(x), self.base_value(y)
+        base_x = self.base_value(x)
+        base_y = self.base_value(y)
         return None if base_x is None or base_y is None else (base_x, base_y)
 
     def refusal(self, kind: str, name: str, reason: str) -> BadInput:
@@ -233,7 +260,9 @@ class FigureTable(NamedTuple):
     @property
     def facts(self) -> list[dict[str, str | float | None]]:
         """The rows as plain data, None for numbers that are not finite."""
-        plain = ([x if isinstance(x, str) or np.isfinite(x) else None for x in row] for row in self.rows)
+        plain = (
+            [x if isinstance(x, str) or np.isfinite(x) else None for x in row] for row in self.rows
+        )
         return [dict(zip(self.head, row, strict=True)) for row in plain]
 
 
@@ -242,11 +271,13 @@ NO_TABLE = FigureTable("", {}, [])
 
 @brief
 class Cells(NamedTuple):
-    """Points (n, 2) of a map with values (n,), nan where there is none; `missing` marks these points (n,) by reason.
+    """Points (n, 2) of a map with values (n,), nan where there is none; `missing` marks these
+    points (n,) by reason.
 
-    grid : whether the points are all pairs of some values.   averaged : columns over which the values are means.
-    scatter, size : median over the cells of the standard deviation in a cell, and of its number of designs.
-    """
+    grid : whether the points are all pairs of some values.   averaged : columns over which the
+    values are means.
+    scatter, size : median over the cells of the standard deviation in a cell, and of its number of
+    designs."""
 
     points: Array
     values: Array
@@ -259,7 +290,9 @@ class Cells(NamedTuple):
 
 @brief
 class StudyMap(NamedTuple):
-    """A value over two factors; `marks` are emphasised contours, `base` is x and y of the base stage."""
+    """A value over two factors; `marks` are emphasised contours, `base` is x and y of the base
+    stage.
+    """
 
     caption: Caption
     x: AxisText
@@ -272,7 +305,9 @@ class StudyMap(NamedTuple):
 
 
 class Percentile(NamedTuple):
-    """A percentile of a sample and its confidence interval, with an infinite end where the sample is too small."""
+    """A percentile of a sample and its confidence interval, with an infinite end where the sample
+    is too small.
+    """
 
     percent: float
     value: float
@@ -282,7 +317,9 @@ class Percentile(NamedTuple):
 
 @brief
 class Scatter(NamedTuple):
-    """Scatter of one quantity (n,): percentiles from low to high, and the value of the base stage where known."""
+    """Scatter of one quantity (n,): percentiles from low to high, and the value of the base stage
+    where known.
+    """
 
     quantity: AxisText
     values: Array
@@ -300,8 +337,8 @@ class Distribution(NamedTuple):
 
 
 class Share(NamedTuple):
-    """Sobol indices (k,) of one quantity by factor, and half-widths of their confidence intervals; total indices where
-    the sampling gives them."""
+    """Sobol indices (k,) of one quantity by factor, and half-widths of their confidence intervals;
+    total indices where the sampling gives them."""
 
     first: Array
     first_band: Array
@@ -332,12 +369,13 @@ class Chosen(NamedTuple):
 class ParetoFront(NamedTuple):
     """Pareto front of two quantities.
 
-    points : (n, 2), x and y of every feasible design.   front : (m,), places of the designs on the front, in order.
+    points : (n, 2), x and y of every feasible design.   front : (m,), places of the designs on the
+    front, in order.
     undrawable : (k,), places of designs on the front or better that cannot be drawn.
-    left_out : designs that are not shown, one line for each kind.   base : x and y of the base stage.
-    power : slope of log y over log x along the front.   gain : ratio of y to that of the base stage, for the best
-    design no worse in x and no larger.
-    """
+    left_out : designs that are not shown, one line for each kind.   base : x and y of the base
+    stage.
+    power : slope of log y over log x along the front.   gain : ratio of y to that of the base
+    stage, for the best design no worse in x and no larger."""
 
     caption: Caption
     x: AxisText
@@ -364,16 +402,27 @@ Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront
 
 
 def findings(source: Source) -> dict[str, Record | Refused]:
-    """Return the record of every figure of a study file by the name of its image; `Refused` where it cannot be drawn.
+    """Return the record of every figure of a study file by the name of its image; `Refused` where
+    it cannot be drawn.
 
     Raises BadInput: no design has a result.
     """
-    loaded, table = source.loaded, source.table
+    loaded = source.loaded
+    table = source.table
     if not table.ok.any():
-        raise BadInput(f"{loaded.path}: none of {len(table.design)} designs has a result, expected some to draw")
+        raise BadInput(
+            f"{loaded.path}: none of {len(table.design)} designs has a result, expected some to "
+            "draw"
+        )
     makers: dict[str, Callable[[Source, Figure], Record]]
-    makers = {"map": map_of, "distribution": distribution_of, "sensitivity": sensitivity_of, "pareto": front_of}
-    records, used = dict[str, Record | Refused](), Counter[str]()
+    makers = {
+        "map": map_of,
+        "distribution": distribution_of,
+        "sensitivity": sensitivity_of,
+        "pareto": front_of,
+    }
+    records = dict[str, Record | Refused]()
+    used = Counter[str]()
     for figure in loaded.study.figure:
         stem = "-".join(part for part in (loaded.stem, figure.kind, figure.value) if part)
         used[stem] += 1
@@ -388,50 +437,73 @@ def findings(source: Source) -> dict[str, Record | Refused]:
 
 
 def _require_drawable(source: Source, kind: str, name: str) -> None:
-    table, sizes = source.table, np.abs(source.column(name))
+    table = source.table
+    sizes = np.abs(source.column(name))
     bad = np.flatnonzero(table.ok & (sizes != 0) & ~((sizes >= 1 / LARGEST) & (sizes <= LARGEST)))
     if len(bad):
-        designs = f"{len(bad)} of {int(table.ok.sum())} designs with a result, expected one for each"
+        designs = (
+            f"{len(bad)} of {int(table.ok.sum())} designs with a result, expected one for each"
+        )
         number = f"no number that is 0 or {1 / LARGEST:g} to {LARGEST:g} in size"
-        raise source.refusal(kind, name, f"{number} for {designs}; the first is design {table.design[bad[0]]}")
+        raise source.refusal(
+            kind, name, f"{number} for {designs}; the first is design {table.design[bad[0]]}"
+        )
 
 
 # maps
 
 
 def map_of(source: Source, figure: Figure) -> StudyMap:
-    """Return the map of an output over two factors, averaged over other factors that vary. Raises BadInput."""
+    """Return the map of an output over two factors, averaged over other factors that vary. Raises
+    BadInput.
+    """
     x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
     x_axis, y_axis, value_axis = map(source.quantity, (x, y, value))
-    cells, lines = cells_of(source, (x, y), value), list[str]()
+    cells = cells_of(source, (x, y), value)
+    lines = list[str]()
     if not np.isfinite(cells.values).any():
-        raise source.refusal("map", value, "no shown design satisfies all constraints, expected some")
+        raise source.refusal(
+            "map", value, "no shown design satisfies all constraints, expected some"
+        )
     if cells.averaged:
         names = ", ".join(source.quantity(name).name for name in cells.averaged)
         lines.append(
-            f"A cell is the mean over {names} of {cells.size} designs (median); their standard deviation is "
-            f"{cells.scatter:.2g}{value_axis.after} (median)."
+            f"A cell is the mean over {names} of {cells.size} designs (median); their standard "
+            f"deviation is {cells.scatter:.2g}{value_axis.after} (median)."
         )
     band = value.replace("error_", "band_")
     if band != value and band in source.table.columns:
         (bands,) = source.table.with_results(band)
-        median, largest = f"median {np.median(bands):.2g}", f"largest {bands.max():.2g} percentage points"
+        median = f"median {np.median(bands):.2g}"
+        largest = f"largest {bands.max():.2g} percentage points"
         lines.append(f"Mesh band of the error: {median}, {largest}.")
     ends = {"least": np.nanargmin(cells.values), "most": np.nanargmax(cells.values)}
-    rows = [(word, float(cells.values[at]), *cells.points[at].tolist()) for word, at in ends.items()]
+    rows = [
+        (word, float(cells.values[at]), *cells.points[at].tolist()) for word, at in ends.items()
+    ]
     head = {"end": "", value: value_axis.label, x: x_axis.label, y: y_axis.label}
     table = FigureTable("Extremes of the map", head, rows)
-    marks = (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else ()
-    caption = source.caption(figure, f"{value_axis.name} over {x_axis.name} and {y_axis.name}", *lines)
-    return StudyMap(caption, x_axis, y_axis, value_axis, cells, marks, source.base_point(x, y), table)
+    marks = (
+        (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else ()
+    )
+    caption = source.caption(
+        figure, f"{value_axis.name} over {x_axis.name} and {y_axis.name}", *lines
+    )
+    return StudyMap(
+        caption, x_axis, y_axis, value_axis, cells, marks, source.base_point(x, y), table
+    )
 
 
 def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
     """Return a column over two factors, as means in cells of these where other factors vary too."""
-    loaded, table = source.loaded, source.table
+    loaded = source.loaded
+    table = source.table
     factors = (column.name for column in loaded.columns)
-    others = tuple(name for name in factors if name not in names and np.ptp(table.columns[name]) > 0)
-    points, values = np.column_stack([table.columns[name] for name in names]), source.column(value)
+    others = tuple(
+        name for name in factors if name not in names and np.ptp(table.columns[name]) > 0
+    )
+    points = np.column_stack([table.columns[name] for name in names])
+    values = source.column(value)
     grid = loaded.study.sampling.method == "grid"
     if not others:
         missing = {status: table.status == status for status in table.counts if status != "ok"}
@@ -439,8 +511,11 @@ def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
         return Cells(points, np.where(table.kept, values, np.nan), missing, grid)
     bins = len(points) if grid else int(np.clip(np.sqrt(len(points) / PER_CELL), 2, MOST_CELLS))
     log = {column.name: column.factor.scale == "log" for column in loaded.columns}
-    (xs, i), (ys, j) = (_binned(v, bins, log[name]) for v, name in zip(points.T, names, strict=True))
-    cell, kept = (i * len(ys) + j)[table.kept], values[table.kept]
+    (xs, i), (ys, j) = (
+        _binned(v, bins, log[name]) for v, name in zip(points.T, names, strict=True)
+    )
+    cell = (i * len(ys) + j)[table.kept]
+    kept = values[table.kept]
     count = np.bincount(cell, minlength=len(xs) * len(ys))
     enough = count >= (1 if grid else FEW)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -459,7 +534,9 @@ def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
 
 
 def _binned(column: Array, bins: int, log: bool) -> tuple[Array, Index]:
-    """Return the centres of the bins of a factor, or its values if few, and the bin of each design (n,)."""
+    """Return the centres of the bins of a factor, or its values if few, and the bin of each design
+    (n,).
+    """
     levels, group = np.unique(column, return_inverse=True)
     if len(levels) <= bins:
         return levels, np.asarray(group, dtype=np.int64)
@@ -475,24 +552,37 @@ def _binned(column: Array, bins: int, log: bool) -> tuple[Array, Index]:
 
 def front_of(source: Source, figure: Figure) -> ParetoFront:
     """Return the Pareto front of two columns, with stages of some of its designs. Raises BadInput."""
-    loaded, table, x, y = source.loaded, source.table, figure.x or "", figure.y or ""
+    loaded = source.loaded
+    table = source.table
+    x = figure.x or ""
+    y = figure.y or ""
     rows = np.flatnonzero(table.kept)
     if len(rows) == 0:
         raise source.refusal("pareto", y, "no design satisfies all constraints, expected some")
-    axes = {name: source.quantity(name) for name in dict.fromkeys([x, y, *(column.name for column in loaded.columns)])}
+    axes = {
+        name: source.quantity(name)
+        for name in dict.fromkeys([x, y, *(column.name for column in loaded.columns)])
+    }
     points = np.column_stack([source.column(name)[rows] for name in (x, y)])
 
     def stages_at(places: Index) -> Iterator[Stage | Mechanism | None]:
-        values = np.column_stack([table.columns[column.name][rows[places]] for column in loaded.columns])
+        values = np.column_stack(
+            [table.columns[column.name][rows[places]] for column in loaded.columns]
+        )
         return (drawable(loaded, row) for row in values)
 
     larger = (figure.x_better == "larger", figure.y_better == "larger")
-    attempts = 0 if loaded.study.draws else ATTEMPTS  # designs that were drawn before they were solved can be drawn
+    attempts = (
+        0 if loaded.study.draws else ATTEMPTS
+    )  # designs that were drawn before they were solved can be drawn
     front, undrawable, unchecked = drawable_front(points, larger, stages_at, attempts)
-    best, power, gain = points[front], None, None
+    best = points[front]
+    power = None
+    gain = None
     if best.min() > 0 and np.ptp(best[:, 0]) > 0:
         power = float(np.polyfit(np.log(best[:, 0]), np.log(best[:, 1]), 1)[0])
-    base, base_size = source.base_point(x, y), source.base_value(SIZE)
+    base = source.base_point(x, y)
+    base_size = source.base_value(SIZE)
     if SIZE in table.columns and base is not None and base_size is not None and base[1]:
         ahead = (points - base) * np.where(larger, 1.0, -1.0)  # of the base stage
         eligible = (ahead[:, 0] >= 0) & (source.column(SIZE)[rows] <= base_size)
@@ -502,9 +592,13 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
         drawn = (k for k, stage in zip(places, stages_at(places), strict=True) if stage is not None)
         gain = next((float(points[k, 1] / base[1]) for k in drawn), None)
     x_axis, y_axis = (
-        axes[name]._replace(log=axes[name].log or is_wide(v)) for name, v in zip((x, y), points.T, strict=True)
+        axes[name]._replace(log=axes[name].log or is_wide(v))
+        for name, v in zip((x, y), points.T, strict=True)
     )
-    along = [np.log(v) if axes[name].log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)]
+    along = [
+        np.log(v) if axes[name].log or is_wide(v) else v
+        for name, v in zip((x, y), best.T, strict=True)
+    ]
     numbers = {name: source.column(name)[rows[front]].tolist() for name in axes}
     selected = spread(np.column_stack(along), figure.drawn)
     chosen = [
@@ -519,44 +613,60 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
         left_out.append(f"{unchecked} on the front were not checked by drawing")
     lines = list[str]()
     if power is not None:
-        lines.append(f"On the front, {y_axis.name} varies as {x_axis.name} to the power {power:.3g} (least squares).")
+        lines.append(
+            f"On the front, {y_axis.name} varies as {x_axis.name} to the power {power:.3g} (least "
+            "squares)."
+        )
     if gain is not None:
-        best_of = f"The best design that is no larger and no worse in {x_axis.name} than the base stage"
+        best_of = (
+            f"The best design that is no larger and no worse in {x_axis.name} than the base stage"
+        )
         lines.append(f"{best_of} has {gain:.3g} times its {y_axis.name}.")
     head = {"design": "design", **{name: axis.label for name, axis in axes.items()}}
     designs = map(str, table.design[rows[front]])
-    listed = FigureTable("Designs of the front", head, [*zip(designs, *numbers.values(), strict=True)])
+    listed = FigureTable(
+        "Designs of the front", head, [*zip(designs, *numbers.values(), strict=True)]
+    )
     caption = source.caption(figure, f"{y_axis.name} against {x_axis.name}", *lines)
-    better, shown = (figure.x_better, figure.y_better), (chosen, left_out, base, power, gain, listed)
+    better = (figure.x_better, figure.y_better)
+    shown = (chosen, left_out, base, power, gain, listed)
     return ParetoFront(caption, x_axis, y_axis, better, points, front, undrawable, *shown)
 
 
 def non_dominated(points: Array, larger: tuple[bool, bool] = (True, True)) -> Index:
-    """Return the places (m,) of the designs, x and y (n, 2), on the Pareto front, from the best in x to the best in y.
+    """Return the places (m,) of the designs, x and y (n, 2), on the Pareto front, from the best in
+    x to the best in y.
 
-    A design dominates another when it is no worse in both values and better in one; equal designs stay together. Sorted
-    from the best x on, a design is on the front when its y is better than all before (Kung, Luccio, Preparata 1975).
-    """
+    A design dominates another when it is no worse in both values and better in one; equal designs
+    stay together. Sorted from the best x on, a design is on the front when its y is better than all
+    before (Kung, Luccio, Preparata 1975)."""
     x, y = np.where(larger, points, -points).T
     order = np.lexsort((-y, -x))
-    x, y = x[order], y[order]
+    x = x[order]
+    y = y[order]
     best = np.maximum.accumulate(np.concatenate([[-np.inf], y]))
     first = np.concatenate([[True], x[1:] != x[:-1]])[: len(order)]
-    group = np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))  # index of the first design of equal x
+    group = np.maximum.accumulate(
+        np.where(first, np.arange(len(order)), 0)
+    )  # index of the first design of equal x
     return np.asarray(order[(y > best[group]) & (y == y[group])], dtype=np.int64)
 
 
 def drawable_front(
-    points: Array, larger: tuple[bool, bool], stages_at: Callable[[Index], Iterable[object]], attempts: int
+    points: Array,
+    larger: tuple[bool, bool],
+    stages_at: Callable[[Index], Iterable[object]],
+    attempts: int,
 ) -> tuple[Index, Index, int]:
     """Return the front of the designs that can be drawn, from the best in x to the best in y.
 
-    stages_at : yields None for a design that cannot be drawn.   attempts : most designs that are tested.
+    stages_at : yields None for a design that cannot be drawn.   attempts : most designs that are
+    tested.
 
-    Also returns the places of designs on the front or better that cannot be drawn, and the number of designs on the
-    front that were not tested.
-    """
-    possible, known = np.ones(len(points), dtype=bool), np.zeros(len(points), dtype=bool)
+    Also returns the places of designs on the front or better that cannot be drawn, and the number
+    of designs on the front that were not tested."""
+    possible = np.ones(len(points), dtype=bool)
+    known = np.zeros(len(points), dtype=bool)
     while True:
         remaining = np.flatnonzero(possible)
         places = remaining[non_dominated(points[remaining], larger)]
@@ -569,9 +679,13 @@ def drawable_front(
 
 
 def spread(points: Array, count: int) -> Index:
-    """Return at most `count` places along a front (m, 2), ends included, about equidistant when both spans are 1."""
+    """Return at most `count` places along a front (m, 2), ends included, about equidistant when
+    both spans are 1.
+    """
     spans = np.ptp(points, axis=0)
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(points, axis=0) / np.where(spans > 0, spans, 1.0)).T))])
+    along = np.concatenate(
+        [[0.0], np.cumsum(np.hypot(*(np.diff(points, axis=0) / np.where(spans > 0, spans, 1.0)).T))]
+    )
     targets = np.linspace(0.0, along[-1], count) if count > 1 else along[-1:] / 2
     return np.unique(np.abs(along[:, None] - targets).argmin(axis=0))
 
@@ -589,12 +703,21 @@ def drawable(loaded: LoadedStudy, values: Array) -> Stage | Mechanism | None:
 
 
 def distribution_of(source: Source, figure: Figure) -> Distribution:
-    """Return the scatter of outputs, with percentiles whose confidence intervals assume independent draws."""
-    loaded, table, scatters, rows = source.loaded, source.table, [], list[Sequence[str | float]]()
+    """Return the scatter of outputs, with percentiles whose confidence intervals assume independent
+    draws.
+    """
+    loaded = source.loaded
+    table = source.table
+    scatters = []
+    rows = list[Sequence[str | float]]()
     method = loaded.study.sampling.method
-    draws = table.design[table.ok] // (len(loaded.columns) + 2)  # rows of Saltelli's scheme from one Sobol point
+    draws = table.design[table.ok] // (
+        len(loaded.columns) + 2
+    )  # rows of Saltelli's scheme from one Sobol point
     for name in figure.values or ():
-        values, axis, base = source.column(name)[table.ok], source.quantity(name), source.base_value(name)
+        values = source.column(name)[table.ok]
+        axis = source.quantity(name)
+        base = source.base_value(name)
         found = percentiles(values, MARKED, draws if method == "saltelli" else None)
         scatters.append(Scatter(axis, values, found, base))
         rows += [(axis.name, axis.unit, f"{p:g}{SPACE}%", *ends) for p, *ends in found]
@@ -603,34 +726,53 @@ def distribution_of(source: Source, figure: Figure) -> Distribution:
     if method == "table":
         line += " They are valid if the designs of the table are independent draws."
     elif method != "monte_carlo":
-        line += " They assume independent draws; for these evenly spread designs they are usually too wide."
-    head = {"quantity": "value", "unit": "unit", "percent": "percentile", "value": "", "low": "from", "high": "to"}
+        line += (
+            " They assume independent draws; for these evenly spread designs they are usually "
+            "too wide."
+        )
+    head = {
+        "quantity": "value",
+        "unit": "unit",
+        "percent": "percentile",
+        "value": "",
+        "low": "from",
+        "high": "to",
+    }
     listed = FigureTable("Percentiles with 95 % confidence intervals", head, rows)
     return Distribution(source.caption(figure, "Scatter of the values", line), scatters, listed)
 
 
-def percentiles(values: Array, percent: Sequence[float], draws: Index | None = None) -> list[Percentile]:
+def percentiles(
+    values: Array, percent: Sequence[float], draws: Index | None = None
+) -> list[Percentile]:
     """Return percentiles, between 0 and 100, of a sample (n,) with their confidence intervals.
 
-    draws : (n,), index from 0 of the independent draw to which each value belongs; None where each is its own draw.
+    draws : (n,), index from 0 of the independent draw to which each value belongs; None where each
+    is its own draw.
 
-    The number of draws below the true percentile is binomial, so that it lies between two order statistics with a
-    probability known for every continuous distribution (H. A. David, H. N. Nagaraja, Order Statistics, 3rd ed., Wiley
-    2003, section 7.1); both tails are equal. Where values share a draw, the share below the percentile scatters from
-    draw to draw (R. S. Woodruff, J. Am. Stat. Assoc. 47 (1952) 635).
-    """
+    The number of draws below the true percentile is binomial, so that it lies between two order
+    statistics with a probability known for every continuous distribution (H. A. David, H. N.
+    Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1); both tails are equal. Where
+    values share a draw, the share below the percentile scatters from draw to draw (R. S. Woodruff,
+    J. Am. Stat. Assoc. 47 (1952) 635)."""
     from scipy.stats import binom, norm
 
-    ordered, n, tail = np.sort(values), len(values), (1 - CONFIDENCE) / 2
+    ordered = np.sort(values)
+    n = len(values)
+    tail = (1 - CONFIDENCE) / 2
     results = []
     for p in percent:
-        middle, share = float(np.percentile(ordered, p)), p / 100
+        middle = float(np.percentile(ordered, p))
+        share = p / 100
         if draws is None:
-            first, last = int(binom.ppf(tail, n, share)), int(binom.ppf(1 - tail, n, share)) + 1
+            first = int(binom.ppf(tail, n, share))
+            last = int(binom.ppf(1 - tail, n, share)) + 1
         else:
-            excess, m = np.bincount(draws, (values <= middle) - share), int(np.sum(np.bincount(draws) > 0))
+            excess = np.bincount(draws, (values <= middle) - share)
+            m = int(np.sum(np.bincount(draws) > 0))
             width = norm.ppf(1 - tail) * np.sqrt(m / (m - 1) * np.sum(excess**2)) if m > 1 else n
-            first, last = int(np.floor(n * share - width)), int(np.ceil(n * share + width)) + 1
+            first = int(np.floor(n * share - width))
+            last = int(np.ceil(n * share + width)) + 1
         low = -np.inf if first < 1 else float(ordered[first - 1])
         results.append(Percentile(p, middle, low, np.inf if last > n else float(ordered[last - 1])))
     return results
@@ -642,8 +784,12 @@ def percentiles(values: Array, percent: Sequence[float], draws: Index | None = N
 def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
     """Return the Sobol indices of several outputs for every factor. Raises BadInput."""
     loaded = source.loaded
-    shares = [sensitivity(source, name)._replace(quantity=source.quantity(name)) for name in figure.values or ()]
-    line, parts = "Sobol indices; whiskers: 95 % confidence.", {"first": "first order: alone", "first_band": "±"}
+    shares = [
+        sensitivity(source, name)._replace(quantity=source.quantity(name))
+        for name in figure.values or ()
+    ]
+    line = "Sobol indices; whiskers: 95 % confidence."
+    parts = {"first": "first order: alone", "first_band": "±"}
     if loaded.study.sampling.method == "saltelli":
         parts |= {"total": "total: with its interactions", "total_band": "±"}
     else:
@@ -652,7 +798,10 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
             'confidence. Total indices need method = "saltelli".'
         )
         if loaded.study.correlation or loaded.table is not None or not source.table.ok.all():
-            line += " Factors may be dependent, also through designs without a result: shares then overlap."
+            line += (
+                " Factors may be dependent, also through designs without a result: shares then "
+                "overlap."
+            )
     factors = [factor(column).name for column in loaded.columns]
     rows: list[Sequence[str | float]] = [
         (factor_name, share.quantity.name, *(float(getattr(share, name)[k]) for name in parts))
@@ -661,23 +810,29 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
     ]
     head = {"factor": "factor", "quantity": "of the variance of", **parts}
     listed = FigureTable("Sobol indices with 95 % confidence", head, rows)
-    return Sensitivity(source.caption(figure, "Share of variance by factor", line), shares, factors, listed)
+    return Sensitivity(
+        source.caption(figure, "Share of variance by factor", line), shares, factors, listed
+    )
 
 
 def sensitivity(source: Source, value: str) -> Share:
     """Return the Sobol indices of an output column: first order, and total with Saltelli's scheme.
 
-    Raises BadInput: a design of Saltelli's scheme has no result (none can be left out, because each belongs to several
-    differences); too few designs have a result; or the value does not vary.
-    """
-    loaded, table = source.loaded, source.table
-    refusal, saltelli = partial(source.refusal, "sensitivity", value), loaded.study.sampling.method == "saltelli"
+    Raises BadInput: a design of Saltelli's scheme has no result (none can be left out, because each
+    belongs to several differences); too few designs have a result; or the value does not vary."""
+    loaded = source.loaded
+    table = source.table
+    refusal = partial(source.refusal, "sensitivity", value)
+    saltelli = loaded.study.sampling.method == "saltelli"
     if saltelli and (missing := loaded.count - len(table.design)):
         raise refusal(f"{missing} of {loaded.count} designs are not computed, expected all")
     if saltelli and not table.ok.all():
         bad = np.flatnonzero(~table.ok)
         first = f"design {table.design[bad[0]]}: {table.status[bad[0]]}: {table.reason[bad[0]]}"
-        raise refusal(f"{len(bad)} of {loaded.count} designs have no result, expected all; the first is {first}")
+        raise refusal(
+            f"{len(bad)} of {loaded.count} designs have no result, expected all; the first is "
+            f"{first}"
+        )
     (values,) = table.with_results(value)
     if len(values) < LEAST and not saltelli:
         raise refusal(f"{len(values)} designs have a result, expected at least {LEAST}")
@@ -689,27 +844,40 @@ def sensitivity(source: Source, value: str) -> Share:
 
 
 def sobol_indices(values: Array, factors: int) -> Share:
-    """Return first-order and total indices of values (base * (factors + 2),) in the order of Saltelli's scheme:
-    A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2 (b) and (f)."""
+    """Return first-order and total indices of values (base * (factors + 2),) in the order of
+    Saltelli's scheme: A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2 (b) and
+    (f)."""
     groups = values.reshape(-1, factors + 2)
     groups = groups - groups[:, [0, -1]].mean()
-    A, AB, B = groups[:, 0], groups[:, 1:-1].T, groups[:, -1]
+    A = groups[:, 0]
+    AB = groups[:, 1:-1].T
+    B = groups[:, -1]
     variance = np.var([A, B])
-    first, total = np.mean(B * (AB - A), axis=1) / variance, np.mean((A - AB) ** 2, axis=1) / (2 * variance)
+    first = np.mean(B * (AB - A), axis=1) / variance
+    total = np.mean((A - AB) ** 2, axis=1) / (2 * variance)
     size = (A**2 + B**2) / 2
-    return Share(first, _half_widths(B * (AB - A), size, first), total, _half_widths((A - AB) ** 2 / 2, size, total))
+    return Share(
+        first,
+        _half_widths(B * (AB - A), size, first),
+        total,
+        _half_widths((A - AB) ** 2 / 2, size, total),
+    )
 
 
 def first_order(factors: Iterable[Array], values: Array) -> Share:
-    """Return first-order indices from any sample of values (n,); k `factors` (n,), one in memory at a time.
+    """Return first-order indices from any sample of values (n,); k `factors` (n,), one in memory at
+    a time.
 
-    An index is the share of the variance that a smooth curve in the factor explains (given-data estimation:
-    E. Plischke, E. Borgonovo, C. L. Smith, Eur. J. Oper. Res. 226 (2013) 536; local polynomials: S. Da Veiga, F. Wahl,
-    F. Gamboa, Technometrics 51 (2009) 452). The curve is a straight line in each of about n^(1/3) equally filled bins,
-    or the mean for each value of a list. The share is `1 - s_r^2 / s^2`, both variances by their degrees of freedom,
-    so that noise has no share on average. Shares of dependent factors overlap, because they include common effects.
-    """
-    n, size, indices = len(values), (values - values.mean()) ** 2, []
+    An index is the share of the variance that a smooth curve in the factor explains (given-data
+    estimation: E. Plischke, E. Borgonovo, C. L. Smith, Eur. J. Oper. Res. 226 (2013) 536; local
+    polynomials: S. Da Veiga, F. Wahl, F. Gamboa, Technometrics 51 (2009) 452). The curve is a
+    straight line in each of about n^(1/3) equally filled bins, or the mean for each value of a
+    list. The share is `1 - s_r^2 / s^2`, both variances by their degrees of freedom, so that noise
+    has no share on average. Shares of dependent factors overlap, because they include common
+    effects."""
+    n = len(values)
+    size = (values - values.mean()) ** 2
+    indices = []
     for column in factors:
         residual, parameters = _residual(column, values)
         unexplained = residual**2 * (n / (n - parameters))
@@ -719,18 +887,23 @@ def first_order(factors: Iterable[Array], values: Array) -> Share:
 
 
 def _half_widths(parts: Array, size: Array, index: Array) -> Array:
-    """Return half-widths (k,) of confidence intervals of indices (k,): means of parts (k, n) over that of size (n,).
+    """Return half-widths (k,) of confidence intervals of indices (k,): means of parts (k, n) over
+    that of size (n,).
 
-    Normal and linearised: the variance of a ratio of means (W. G. Cochran, Sampling Techniques, 3rd ed., Wiley 1977).
-    """
+    Normal and linearised: the variance of a ratio of means (W. G. Cochran, Sampling Techniques, 3rd
+    ed., Wiley 1977)."""
     from scipy.special import ndtri
 
     deviation = (parts - index[..., None] * size) / size.mean()
-    return np.asarray(ndtri((1 + CONFIDENCE) / 2) * deviation.std(axis=-1, ddof=1) / np.sqrt(len(size)))
+    return np.asarray(
+        ndtri((1 + CONFIDENCE) / 2) * deviation.std(axis=-1, ddof=1) / np.sqrt(len(size))
+    )
 
 
 def _residual(column: Array, values: Array) -> tuple[Array, int]:
-    """Return the residual of values (n,) about a curve in one factor (n,), and the number of its parameters."""
+    """Return the residual of values (n,) about a curve in one factor (n,), and the number of its
+    parameters.
+    """
     levels, group = np.unique(column, return_inverse=True)
     piecewise_linear = len(levels) > FEW_LEVELS
     if piecewise_linear:

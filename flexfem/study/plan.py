@@ -26,11 +26,17 @@ from flexfem.study.factors import WAYS, Column, Factor, columns_of, given_in, re
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
 MOST = 10**9  # designs; one design with 100 columns takes a kilobyte
 MOST_HELD = 200_000  # designs of a Latin hypercube, which is held in memory
-EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # a larger sample begins with the smaller one
+EXTENSIBLE: tuple[Method, ...] = (
+    "sobol",
+    "monte_carlo",
+    "saltelli",
+)  # a larger sample begins with the smaller one
 FigureKind: TypeAlias = Literal["map", "distribution", "sensitivity", "pareto"]
 Better: TypeAlias = Literal["larger", "smaller"]
 NAME = r"^[A-Za-z][A-Za-z0-9_]{0,59}$"
-_KEYS_OF: dict[FigureKind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # required and optional keys
+_KEYS_OF: dict[
+    FigureKind, tuple[tuple[str, ...], tuple[str, ...]]
+] = {  # required and optional keys
     "map": (("x", "y", "value"), ()),
     "distribution": (("values",), ()),
     "sensitivity": (("values",), ()),
@@ -45,21 +51,24 @@ _SAMPLING_KEYS: dict[Method, tuple[str, ...]] = {  # required keys of a method; 
 
 
 class Sampling(Table):
-    """How designs are sampled: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, drawn from a `seed`;
-    or all designs of a `file`."""
+    """How designs are sampled: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme,
+    drawn from a `seed`; or all designs of a `file`."""
 
     method: Method = Field(examples=["sobol"])
-    """`grid`, in which the last factor varies fastest; `latin_hypercube`; `sobol`; `monte_carlo`; `saltelli`, for
-    sensitivity; or `table`, your own designs"""
+    """`grid`, in which the last factor varies fastest; `latin_hypercube`; `sobol`; `monte_carlo`;
+    `saltelli`, for sensitivity; or `table`, your own designs """
     file: Label | None = Field(default=None, examples=["designs.csv"])
-    """With `table`: file of your own designs, CSV (commas, decimal points, at most 64 MiB) or Parquet (at most 2 GiB),
-    relative to the study file. One row a design; one column a factor, named by its label or key, in file units. Factors
-    then have neither values nor a range or distribution. An edited table makes another study"""
+    """With `table`: file of your own designs, CSV (commas, decimal points, at most 64 MiB) or
+    Parquet (at most 2 GiB), relative to the study file. One row a design; one column a factor,
+    named by its label or key, in file units. Factors then have neither values nor a range or
+    distribution. An edited table makes another study """
     designs: int | None = Field(default=None, ge=1, le=MOST, examples=[256])
-    """Number of designs; at most 200000 of a `latin_hypercube`, which is held in memory. A larger number with `sobol`,
-    `monte_carlo` or `saltelli` begins with the same designs, so finished parts stay valid. Not with a grid"""
+    """Number of designs; at most 200000 of a `latin_hypercube`, which is held in memory. A larger
+    number with `sobol`, `monte_carlo` or `saltelli` begins with the same designs, so finished parts
+    stay valid. Not with a grid """
     base: int | None = Field(default=None, ge=2, le=MOST, examples=[64])
-    """With `saltelli`, instead of `designs`: a power of two; there are base × (factors + 2) designs"""
+    """With `saltelli`, instead of `designs`: a power of two; there are base × (factors + 2) designs
+    """
     seed: int | None = Field(default=None, ge=0, lt=2**63, examples=[1])
     """Seed of the random numbers"""
 
@@ -69,7 +78,10 @@ class Sampling(Table):
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
         if self.method == "latin_hypercube" and (self.designs or 0) > MOST_HELD:
-            raise refusal(f'at most {MOST_HELD} with method = "{self.method}", which holds all in memory', "designs")
+            raise refusal(
+                f'at most {MOST_HELD} with method = "{self.method}", which holds all in memory',
+                "designs",
+            )
         return self
 
 
@@ -87,13 +99,15 @@ Expression = Annotated[str, AfterValidator(_expression), Field(json_schema_extra
 
 
 class Output(Table):
-    """A derived output: a column computed from other columns and keys, shown with `label` and `unit`."""
+    """A derived output: a column computed from other columns and keys, shown with `label` and
+    `unit`.
+    """
 
     name: str = Field(pattern=NAME, examples=["kxx_over_ktt"])
     """Name of its column"""
     expression: Expression = Field(examples=["kxx_n_per_mm / ktt_n_mm_per_rad"])
-    """Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10, min, max; names with
-    spaces in backticks"""
+    """Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10,
+    min, max; names with spaces in backticks """
     label: Label | None = Field(default=None, examples=["Kxx over Ktt"])
     """Name in figures"""
     unit: Label | None = Field(default=None, examples=["rad/mm²"])
@@ -102,7 +116,11 @@ class Output(Table):
 
 def limits_text(least: float | None, most: float | None) -> str:
     """Return both limits as text."""
-    return " and ".join(f"{word} {end:g}" for word, end in (("at least", least), ("at most", most)) if end is not None)
+    return " and ".join(
+        f"{word} {end:g}"
+        for word, end in (("at least", least), ("at most", most))
+        if end is not None
+    )
 
 
 class Limited(Table):
@@ -133,9 +151,9 @@ class Constraint(Limited):
     named: ClassVar[tuple[str, str]] = ("least", "most")
 
     value: Expression = Field(examples=["hinges.base.neck_mm / hinges.base.radius_mm"])
-    """An expression. If it uses factors and keys only, a design outside the limits is `refused` before it is solved
-    (not with `saltelli`). If it uses outputs, the design is solved, `feasible` is false in the table, and fronts and
-    maps leave it out and state the number of such designs"""
+    """An expression. If it uses factors and keys only, a design outside the limits is `refused`
+    before it is solved (not with `saltelli`). If it uses outputs, the design is solved, `feasible`
+    is false in the table, and fronts and maps leave it out and state the number of such designs """
     least: quantities.Unlimited | None = Field(default=None, examples=[0.05])
     """Lower limit"""
     most: quantities.Unlimited | None = Field(default=None, examples=[0.2])
@@ -166,7 +184,9 @@ class Correlation(Table):
         examples=[["neck of base", "radius of base"]], json_schema_extra={"uniqueItems": True}
     )
     """Columns of the two factors"""
-    coefficient: Annotated[float, quantities.Limits(quantities.COUNT, gt=-1, lt=1)] = Field(examples=[0.6])
+    coefficient: Annotated[float, quantities.Limits(quantities.COUNT, gt=-1, lt=1)] = Field(
+        examples=[0.6]
+    )
     """Rank correlation (Spearman's)"""
 
     @model_validator(mode="after")
@@ -177,10 +197,11 @@ class Correlation(Table):
 
 
 def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Array:
-    """Return the correlation matrix of the normal deviates of columns; their ranks have the `given` correlations.
+    """Return the correlation matrix of the normal deviates of columns; their ranks have the `given`
+    correlations.
 
-    `r = 2 sin(pi rho / 6)` for a rank correlation: K. Pearson, On further methods of determining correlation (1907).
-    """
+    `r = 2 sin(pi rho / 6)` for a rank correlation: K. Pearson, On further methods of determining
+    correlation (1907)."""
     matrix = np.eye(len(columns))
     for correlation in given:
         i, j = (columns.index(name) for name in correlation.factors)
@@ -189,11 +210,14 @@ def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Ar
 
 
 class Figure(Table):
-    """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
+    """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a
+    Pareto front.
+    """
 
     kind: FigureKind = Field(examples=["pareto"])
-    """`map` of an output over two factors, averaged in cells if other factors vary too; `distribution` or `sensitivity`
-    of outputs, not with a grid; or `pareto`, the front of two columns"""
+    """`map` of an output over two factors, averaged in cells if other factors vary too;
+    `distribution` or `sensitivity` of outputs, not with a grid; or `pareto`, the front of two
+    columns """
     title: Label | None = Field(default=None, examples=["Stiffness against range"])
     """Title of the figure"""
     x: Label | None = Field(default=None, examples=["range_x_um"])
@@ -229,26 +253,35 @@ class Figure(Table):
 
     @property
     def columns(self) -> dict[tuple[str | int, ...], tuple[str, bool]]:
-        """Columns of the figure by their key path in its table, each with whether it must be an output."""
+        """Columns of the figure by their key path in its table, each with whether it must be an
+        output.
+        """
         columns: dict[tuple[str | int, ...], tuple[str, bool]] = {}
         for name in ("x", "y", "value"):
             column = getattr(self, name)
             if column is not None:
                 columns[(name,)] = (column, name == "value")
-        return columns | {("values", index): (column, True) for index, column in enumerate(self.values or ())}
+        return columns | {
+            ("values", index): (column, True) for index, column in enumerate(self.values or ())
+        }
 
 
 class DriveQuestion(Table):
-    """Drive of the study: the actuators of the base stage, or a stroke that rotates the base hinges only."""
+    """Drive of the study: the actuators of the base stage, or a stroke that rotates the base hinges
+    only.
+    """
 
     actuators: bool = False
-    """Adds outputs such as `drive_range_x_um` and `engaged_kxx_n_per_mm`, from the `[[actuator]]` tables of the base
-    stage; not with `three_dimensional`. Factors can then set the numbers that an actuator states:
-    `actuator.base.arm_mm`, or `override.2.actuator.base.preload_n` on one chain (a star for the chain). A change of the
-    drive makes another study. Contacts on straight links are placed for all designs at once; with a bent link, or with
-    `point_mm`, every geometry is drawn, 6 ms each"""
+    """Adds outputs such as `drive_range_x_um` and `engaged_kxx_n_per_mm`, from the `[[actuator]]`
+    tables of the base stage; not with `three_dimensional`. Factors can then set the numbers that an
+    actuator states: `actuator.base.arm_mm`, or `override.2.actuator.base.preload_n` on one chain (a
+    star for the chain). A change of the drive makes another study. Contacts on straight links are
+    placed for all designs at once; with a bent link, or with `point_mm`, every geometry is drawn, 6
+    ms each """
     stroke_um: quantities.CommandUm | None = Field(default=None, examples=[17.4])
-    """Stroke of a piezo, for the travels. They depend on the base hinges only and are not the range of a drive"""
+    """Stroke of a piezo, for the travels. They depend on the base hinges only and are not the range
+    of a drive
+    """
     lever_arm_mm: quantities.Length | None = Field(default=None, examples=[10.0])
     """Distance from the base hinge to the contact of this piezo on link 1"""
 
@@ -272,11 +305,15 @@ class Frequencies(Table):
 
 
 class DriftTable(Table):
-    """Drift of the pose by a uniform change of temperature and by its gradients; the table has no keys."""
+    """Drift of the pose by a uniform change of temperature and by its gradients; the table has no
+    keys.
+    """
 
 
 class LifeTable(Table):
-    """Fatigue life at an amplitude of the pose about its mean, and the amplitude for a required life."""
+    """Fatigue life at an amplitude of the pose about its mean, and the amplitude for a required
+    life.
+    """
 
     amplitude_x_um: quantities.Amplitude = Field(default=0.0, examples=[20.0])
     """Amplitude of the pose in x; at least one of the three amplitudes is needed"""
@@ -300,12 +337,37 @@ class LifeTable(Table):
     @property
     def amplitude(self) -> tuple[float, float, float]:
         """Amplitude of the pose, mm, mm, rad."""
-        return 1e-3 * self.amplitude_x_um, 1e-3 * self.amplitude_y_um, 1e-3 * self.amplitude_theta_mrad
+        return (
+            1e-3 * self.amplitude_x_um,
+            1e-3 * self.amplitude_y_um,
+            1e-3 * self.amplitude_theta_mrad,
+        )
 
 
-QUESTIONS = ("budget", "converge", "drift", "gravity", "large", "modes", "reach", "stiffness", "summary")  # of a stage
-OF_STAGE = ("formula", "paper_formula", "mobility", "links", "bands", "check", "drive", "frequencies", "life", "drift",
-            "tolerance")  # keys without an effect on a mechanism  # fmt: skip
+QUESTIONS = (
+    "budget",
+    "converge",
+    "drift",
+    "gravity",
+    "large",
+    "modes",
+    "reach",
+    "stiffness",
+    "summary",
+)  # of a stage
+OF_STAGE = (
+    "formula",
+    "paper_formula",
+    "mobility",
+    "links",
+    "bands",
+    "check",
+    "drive",
+    "frequencies",
+    "life",
+    "drift",
+    "tolerance",
+)  # keys without an effect on a mechanism
 UNCORRELATED: dict[Method, str] = {
     "saltelli": "Sobol indices split the variance among independent factors",
     "grid": "a grid contains all combinations of values",
@@ -327,7 +389,9 @@ APPLIES = {  # models of the keys that not every model takes
 
 
 class Asked(Sourced):
-    """Questions about designs of a base stage or mechanism: what study files and requirements files have in common."""
+    """Questions about designs of a base stage or mechanism: what study files and requirements files
+    have in common.
+    """
 
     array: ClassVar[str]  # the array of tables with the keys that differ between designs
     subject: ClassVar[str]
@@ -335,26 +399,32 @@ class Asked(Sourced):
     name: Label = Field(examples=["Stiffness against range at yield"])
     """Title of figures and, of a design, name of the designed stage"""
     stage: Label = Field(examples=["stage.toml"])
-    """File of the base stage or mechanism, relative to this file. It has the values of all numbers that do not vary.
-    Keys of a mechanism are `parameters.NAME`, and its outputs are the numbers of `ask`"""
+    """File of the base stage or mechanism, relative to this file. It has the values of all numbers
+    that do not vary. Keys of a mechanism are `parameters.NAME`, and its outputs are the numbers of
+    `ask` """
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
     mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
     links: bool = Field(default=False, description=f"{ELASTIC}; slower, one design after the other")
     drive: DriveQuestion | None = None
     """Requests the range of a drive"""
     frequencies: Frequencies | None = None
-    """Requests natural frequencies in the plane, with or without a payload; the table may be empty. Factors can then
-    set `material.density_kg_m3`. Every design is drawn, some 10 ms each. Not with `three_dimensional`"""
+    """Requests natural frequencies in the plane, with or without a payload; the table may be empty.
+    Factors can then set `material.density_kg_m3`. Every design is drawn, some 10 ms each. Not with
+    `three_dimensional` """
     life: LifeTable | None = None
-    """Requests fatigue lives at an amplitude of the pose. The material needs fatigue constants, which factors can then
-    set. Not with `three_dimensional`"""
+    """Requests fatigue lives at an amplitude of the pose. The material needs fatigue constants,
+    which factors can then set. Not with `three_dimensional` """
     drift: DriftTable | None = None
-    """Requests the drift with temperature; the table has no keys. The stage must state both coefficients of expansion,
-    which factors can then set: `material.expansion_um_per_m_k`, `frame.expansion_um_per_m_k`. With `links` every pad is
-    drawn, which takes up to 0.15 s more a design. Not with `three_dimensional`"""
-    ask: tuple[Label, ...] = Field(default=(), max_length=100, examples=[["drift.stress.uniform.analytic.1.base"]])
-    """Other numbers by their paths in the JSON output of a command, such as `drift.pose.uniform.analytic.x`. Each is a
-    column of that name, computed for one design after the other"""
+    """Requests the drift with temperature; the table has no keys. The stage must state both
+    coefficients of expansion, which factors can then set: `material.expansion_um_per_m_k`,
+    `frame.expansion_um_per_m_k`. With `links` every pad is drawn, which takes up to 0.15 s more a
+    design. Not with `three_dimensional` """
+    ask: tuple[Label, ...] = Field(
+        default=(), max_length=100, examples=[["drift.stress.uniform.analytic.1.base"]]
+    )
+    """Other numbers by their paths in the JSON output of a command, such as
+    `drift.pose.uniform.analytic.x`. Each is a column of that name, computed for one design after
+    the other """
     output: tuple[Output, ...] = Field(default=(), max_length=50)
     """A derived output: a name for an expression"""
 
@@ -362,16 +432,24 @@ class Asked(Sourced):
     def _keys_fit_the_base(self) -> Self:
         for key in given_in(self) if self.on_mechanism else ():
             if key in OF_STAGE:
-                raise refusal(f"no {key} in a {self.subject} of a mechanism, whose numbers are those of ask", key)
+                raise refusal(
+                    f"no {key} in a {self.subject} of a mechanism, whose numbers are those of ask",
+                    key,
+                )
         if self.on_mechanism and not self.ask:
             raise refusal(f"ask = [...]: the numbers that a {self.subject} of a mechanism computes")
         if not self.on_mechanism and any(path.startswith("drive.") for path in self.ask):
             raise refusal(f"a question of {', '.join(QUESTIONS)} about a stage", "ask")
         if self.links and self.mobility != 21:
-            raise refusal("mobility = 21 with it: elastic links need all freedoms of the hinges", "links")
+            raise refusal(
+                "mobility = 21 with it: elastic links need all freedoms of the hinges", "links"
+            )
         for index, factor in enumerate(self.varied):
             if not self.driven and any(keys()[path].of_drive for path in factor.paths):
-                expected = "[drive] actuators = true with a number of an actuator: no other output depends on it"
+                expected = (
+                    "[drive] actuators = true with a number of an actuator: no other output "
+                    "depends on it"
+                )
                 raise refusal(expected, self.array, index)
         return self
 
@@ -381,15 +459,23 @@ class Asked(Sourced):
         for index, path in enumerate(paths):
             name, _, number = path.partition(".")
             if name not in (*QUESTIONS, "drive") or not number:
-                raise refusal(f"question.quantity.labels with a question of {', '.join(QUESTIONS)}", "ask", index)
+                raise refusal(
+                    f"question.quantity.labels with a question of {', '.join(QUESTIONS)}",
+                    "ask",
+                    index,
+                )
             if path in paths[:index]:
                 raise refusal("each path once", "ask", index)
         return paths
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
-        """Refuse columns of the same name, a key that two factors set, and unknown names in expressions."""
-        known, reserved, set_by = set(self.known), {*RESERVED, FEASIBLE, *self.known}, dict[str, int]()
+        """Refuse columns of the same name, a key that two factors set, and unknown names in
+        expressions.
+        """
+        known = set(self.known)
+        reserved = {*RESERVED, FEASIBLE, *self.known}
+        set_by = dict[str, int]()
 
         def add(name: str, own_keys: tuple[str, ...], *at: str | int) -> None:
             if name in known | reserved or (name in keys() and name not in own_keys):
@@ -407,7 +493,9 @@ class Asked(Sourced):
         for place, expression in self.expressions.items():
             names = {*known, *keys()}
             for name in names_in(expression):
-                if name not in names and name not in keys():  # keys of actuators are valid but not listed
+                if (
+                    name not in names and name not in keys()
+                ):  # keys of actuators are valid but not listed
                     close = key_suggestion(name, sorted(names))
                     raise refusal(f"columns and keys by name, not {shown(name)}{close}", *place)
             if place[0] == "output":
@@ -428,13 +516,19 @@ class Asked(Sourced):
     @property
     def on_mechanism(self) -> bool:
         """Whether factors set parameters of a mechanism file."""
-        return any(keys()[path].table == PARAMETERS for factor in self.varied for path in factor.paths)
+        return any(
+            keys()[path].table == PARAMETERS for factor in self.varied for path in factor.paths
+        )
 
     @property
     def rotation(self) -> float | None:
         """Largest rotation of a base hinge, rad; None without a stroke."""
         drive = self.drive
-        return 1e-3 * drive.stroke_um / drive.lever_arm_mm if drive and drive.stroke_um and drive.lever_arm_mm else None
+        return (
+            1e-3 * drive.stroke_um / drive.lever_arm_mm
+            if drive and drive.stroke_um and drive.lever_arm_mm
+            else None
+        )
 
     @property
     def driven(self) -> bool:
@@ -444,7 +538,9 @@ class Asked(Sourced):
     @property
     def requested(self) -> list[str]:
         """Names of the optional groups of columns."""
-        tables = [name for name in ("frequencies", "life", "drift") if getattr(self, name) is not None]
+        tables = [
+            name for name in ("frequencies", "life", "drift") if getattr(self, name) is not None
+        ]
         return [*tables, *["travel"] * (self.rotation is not None), *["drive"] * self.driven]
 
     @property
@@ -455,7 +551,9 @@ class Asked(Sourced):
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of all output columns in their order: `columns`, then the numbers of other questions."""
+        """Names of all output columns in their order: `columns`, then the numbers of other
+        questions.
+        """
         return (*self.columns, *self.ask)
 
     @property
@@ -466,20 +564,28 @@ class Asked(Sourced):
     @property
     def unused_keys(self) -> frozenset[str]:
         """Key paths of material and frame on which no output depends."""
-        used_by = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
-        return frozenset(path for path, key in keys().items() if used_by.get(key.attribute, self) is None)
+        used_by = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(
+            LIFE_CONSTANTS, self.life
+        )
+        return frozenset(
+            path for path, key in keys().items() if used_by.get(key.attribute, self) is None
+        )
 
     @property
     def expressions(self) -> dict[KeyPath, str]:
         """Expressions by their key paths, derived outputs first."""
-        return {("output", k, "expression"): output.expression for k, output in enumerate(self.output)}
+        return {
+            ("output", k, "expression"): output.expression for k, output in enumerate(self.output)
+        }
 
     def names_of(self, *expressions: str) -> frozenset[str]:
         """Return the names in expressions and in the derived outputs that these use."""
         return self.behind(name for text in expressions for name in names_in(text))
 
     def behind(self, names: Iterable[str]) -> frozenset[str]:
-        """Return names of columns together with those on which the derived outputs among them depend."""
+        """Return names of columns together with those on which the derived outputs among them
+        depend.
+        """
         expanded = set(names)
         for output in reversed(self.output):  # an output uses only those before it
             if output.name in expanded:
@@ -495,30 +601,32 @@ class Study(Asked):
     subject: ClassVar[str] = "study"
 
     model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(examples=["analytic"])
-    """`analytic`; `fe`, finite elements in the plane model of the stage; `three_dimensional`, finite elements of the
-    extruded stage; or `verify`, the error percentages of `analytic` against `fe`. `formula` and `mobility` are for
-    `analytic` and `verify`, `links` for `analytic`"""
+    """`analytic`; `fe`, finite elements in the plane model of the stage; `three_dimensional`,
+    finite elements of the extruded stage; or `verify`, the error percentages of `analytic` against
+    `fe`. `formula` and `mobility` are for `analytic` and `verify`, `links` for `analytic` """
     resolution: int = Field(default=4, ge=4, le=FINEST)
     """Number of triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
     layers: int = Field(default=2, ge=1, le=MOST_LAYERS, alias="thickness_resolution")
-    """Layers of elements in half the thickness, with `three_dimensional`. Two have an error of 0.2 % on the reference
-    stages and take 2 s a design with identical chains, 6 s with different ones; three 0.1 %, 4 s and 10 s"""
+    """Layers of elements in half the thickness, with `three_dimensional`. Two have an error of 0.2
+    % on the reference stages and take 2 s a design with identical chains, 6 s with different ones;
+    three 0.1 %, 4 s and 10 s """
     bands: bool = True
     """Whether `verify` also computes the mesh band of each percentage, from three meshes"""
     check: Literal["closed_form", "drawing"] | None = None
-    """How designs are checked for overlapping bodies: `drawing` draws every design. By default `closed_form` with
-    `analytic`; meshed designs are always drawn"""
+    """How designs are checked for overlapping bodies: `drawing` draws every design. By default
+    `closed_form` with `analytic`; meshed designs are always drawn """
     time_limit: quantities.Seconds = Field(default=60.0, alias="time_limit_s")
-    """Time for one design with `fe`, `verify` or `three_dimensional` (meshing only), from when the worker has loaded
-    it, without time in which the worker or the whole run is suspended. A worker that takes 10 s longer is killed and
-    replaced"""
+    """Time for one design with `fe`, `verify` or `three_dimensional` (meshing only), from when the
+    worker has loaded it, without time in which the worker or the whole run is suspended. A worker
+    that takes 10 s longer is killed and replaced """
     sampling: Sampling
     """Which designs are computed, at most 10^9"""
     factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
     """A number that differs between designs, in the unit of its key"""
     correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
-    """Rank correlation of two factors, by a Gaussian copula: every factor keeps its distribution. Not with `saltelli`
-    (Sobol indices split the variance among independent factors), `grid` or `table`"""
+    """Rank correlation of two factors, by a Gaussian copula: every factor keeps its distribution.
+    Not with `saltelli` (Sobol indices split the variance among independent factors), `grid` or
+    `table` """
     constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
     """Limits of an expression for a feasible design"""
     figure: tuple[Figure, ...] = Field(default=(), max_length=50)
@@ -534,26 +642,37 @@ class Study(Asked):
         if self.check == "closed_form" and self.model != "analytic":
             raise refusal("drawing: meshed designs are always drawn", "check")
         if self.driven and self.model == "three_dimensional":
-            expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane only'
+            expected = (
+                'no actuators with model = "three_dimensional": a drive is solved in the plane only'
+            )
             raise refusal(expected, "drive", "actuators")
         return self
 
     @model_validator(mode="after")
     def _factors_fit_sampling(self) -> Study:
         method = self.sampling.method
-        grid, table = method == "grid", method == "table"
+        grid = method == "grid"
+        table = method == "table"
         for index, factor in enumerate(self.factor):
             if table != (factor.kind == "given"):
-                raise refusal(f'{"no values" if table else WAYS} with method = "{method}"', "factor", index)
+                raise refusal(
+                    f'{"no values" if table else WAYS} with method = "{method}"', "factor", index
+                )
             if grid and factor.distribution is not None:
-                raise refusal('values or a range with method = "grid"', "factor", index, "distribution")
+                raise refusal(
+                    'values or a range with method = "grid"', "factor", index, "distribution"
+                )
             if grid and factor.kind == "range" and factor.points is None:
                 raise refusal('points with method = "grid"', "factor", index)
             if not grid and factor.points is not None:
                 raise refusal('points with method = "grid" only', "factor", index, "points")
         if self.count > MOST:
             at = ("factor",) if grid else ("sampling", "base")
-            raise refusal(f"{'a grid' if grid else 'base * (factors + 2)'} of at most {MOST}, not {self.count}", *at)
+            raise refusal(
+                f"{'a grid' if grid else 'base * (factors + 2)'} of at most {MOST}, not "
+                f"{self.count}",
+                *at,
+            )
         return self
 
     @model_validator(mode="after")
@@ -567,7 +686,8 @@ class Study(Asked):
     @model_validator(mode="after")
     def _correlations_are_possible(self) -> Study:
         factors = {column.name: column.factor for column in self.factor_columns}
-        pairs, method = set[frozenset[str]](), self.sampling.method
+        pairs = set[frozenset[str]]()
+        method = self.sampling.method
         if self.correlation and method in UNCORRELATED:
             raise refusal(f'none with method = "{method}": {UNCORRELATED[method]}', "correlation")
         for index, correlation in enumerate(self.correlation):
@@ -581,7 +701,10 @@ class Study(Asked):
                 raise refusal("each pair once", "correlation", index, "factors")
             pairs.add(frozenset(correlation.factors))
         if np.linalg.eigvalsh(normal_correlation(list(factors), self.correlation)).min() < SINGULAR:
-            raise refusal("consistent coefficients: this correlation matrix is not positive definite", "correlation")
+            raise refusal(
+                "consistent coefficients: this correlation matrix is not positive definite",
+                "correlation",
+            )
         return self
 
     @model_validator(mode="after")
@@ -590,16 +713,26 @@ class Study(Asked):
         outputs = [*self.outputs, *(output.name for output in self.output)]
         for index, figure in enumerate(self.figure):
             if figure.kind in ("distribution", "sensitivity") and self.sampling.method == "grid":
-                raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
+                raise refusal(
+                    f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind"
+                )
             for place, (column, is_output) in figure.columns.items():
-                known = outputs if is_output else factors if figure.kind == "map" else (*factors, *outputs)
+                known = (
+                    outputs
+                    if is_output
+                    else factors
+                    if figure.kind == "map"
+                    else (*factors, *outputs)
+                )
                 if column not in known:
                     expected = "an output of this study" if is_output else "a column of this study"
                     raise refusal(f"{expected}{suggestion(column, known)}", "figure", index, *place)
         return self
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy with values replaced by name, unchecked: another model ignores settings that do not apply."""
+        """Return a copy with values replaced by name, unchecked: another model ignores settings
+        that do not apply.
+        """
         copy = BaseModel.model_copy(self, update=update, deep=deep)
         copy.__dict__.pop(KEPT, None)
         return copy
@@ -613,7 +746,10 @@ class Study(Asked):
     def count(self) -> int:
         """Number of designs."""
         if self.sampling.method == "grid":
-            return math.prod(column.factor.points or len(column.factor.values or ()) for column in self.factor_columns)
+            return math.prod(
+                column.factor.points or len(column.factor.values or ())
+                for column in self.factor_columns
+            )
         if self.sampling.base is not None:
             return self.sampling.base * (len(self.factor_columns) + 2)
         return self.sampling.designs or 0
@@ -632,7 +768,9 @@ class Study(Asked):
     @property
     def expressions(self) -> dict[KeyPath, str]:
         """Expressions by their key paths, derived outputs first."""
-        return super().expressions | {("constraint", k, "value"): c.value for k, c in enumerate(self.constraint)}
+        return super().expressions | {
+            ("constraint", k, "value"): c.value for k, c in enumerate(self.constraint)
+        }
 
     def uses_no_output(self, expression: str) -> bool:
         """Return whether an expression uses factors and keys only, and no output of the model."""
@@ -641,9 +779,13 @@ class Study(Asked):
     @property
     def refusing(self) -> list[Constraint]:
         """Constraints on factors and keys only, which refuse a design before it is solved."""
-        return [constraint for constraint in self.constraint if self.uses_no_output(constraint.value)]
+        return [
+            constraint for constraint in self.constraint if self.uses_no_output(constraint.value)
+        ]
 
     @property
     def draws(self) -> bool:
         """Whether the bodies of every design are drawn to check that they do not overlap."""
-        return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
+        return (
+            self.check or ("closed_form" if self.model == "analytic" else "drawing")
+        ) == "drawing"

@@ -1,9 +1,9 @@
 """A study on disk and the run that writes its parts.
 
-A part is a Parquet file of some designs. Its name contains a hash of the study, the range of designs and the versions
-of software, so parts of other inputs or versions are never used for it. Its metadata hold a seal of every column, which
-is a digest of the rows together with the same inputs: a part that was changed, exchanged or cut is computed again.
-"""
+A part is a Parquet file of some designs. Its name contains a hash of the study, the range of
+designs and the versions of software, so parts of other inputs or versions are never used for it.
+Its metadata hold a seal of every column, which is a digest of the rows together with the same
+inputs: a part that was changed, exchanged or cut is computed again."""
 
 from __future__ import annotations
 
@@ -30,22 +30,41 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, changed_outputs, factor_warnings, needs_stages
 from flexfem.study.columns import Rows, row_of
 from flexfem.study.loaded import LoadedStudy, sample
-from flexfem.study.workers import ExecutorWorkers, Failure, Workers, require_same_versions, versions_of
+from flexfem.study.workers import (
+    ExecutorWorkers,
+    Failure,
+    Workers,
+    require_same_versions,
+    versions_of,
+)
 
 ABOUT = b"flexfem.study"  # key of the metadata of a part: the study and its versions
-SEAL = b"flexfem.seal"  # key of the metadata of a part: its first design, the first one after it, digests by column
-DIGEST_BYTES, NAMED = 16, 3  # of a digest; most changed columns that are named
+# key of the metadata of a part: its first design, the first one after it, digests by column
+SEAL = b"flexfem.seal"
+DIGEST_BYTES = 16
+NAMED = 3  # of a digest; most changed columns that are named
 TEXTS = ["status", "reason"]
-PARQUET: Mapping[str, Any] = {"compression": "zstd", "use_dictionary": TEXTS, "write_page_checksum": True}
+PARQUET: Mapping[str, Any] = {
+    "compression": "zstd",
+    "use_dictionary": TEXTS,
+    "write_page_checksum": True,
+}
 # a read-ahead thread of Arrow would abort a process that ends while it reads
 READING: Mapping[str, Any] = {"page_checksum_verification": True, "pre_buffer": False}
-SIZES = {"fe": 4, "verify": 4, "three_dimensional": 2}  # designs in a part, which takes some seconds
-LINKED, DRAWN, BROADCAST = 32, 512, 8192  # the same, analytic: with links or other questions, with stages, by arrays
+SIZES = {
+    "fe": 4,
+    "verify": 4,
+    "three_dimensional": 2,
+}  # designs in a part, which takes some seconds
+LINKED = 32
+DRAWN = 512
+BROADCAST = 8192  # the same, analytic: with links or other questions, with stages, by arrays
 PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
 RETRIED = ("time limit", "crashed", "failed")  # statuses that may change in another run
 PARTS = "parts"  # folder, in the folder of a study
 FILE = "study.json"  # in the folder of a study: the path of its study file
-ANALYTIC_LIMIT, SLACK = 600.0, 10.0  # s: for a part of analytic designs; added to the time limit of a meshed design
+ANALYTIC_LIMIT = 600.0
+SLACK = 10.0  # s: for a part of analytic designs; added to the time limit of a meshed design
 OLD = 3600.0  # s: age at which the temporary file of a killed run is removed
 WHOLE = slice(None)
 Counts: TypeAlias = Counter[tuple[str, str]]  # designs by status and kind of reason
@@ -54,7 +73,9 @@ Solve: TypeAlias = Callable[[LoadedStudy, int, int], Rows]
 
 @dataclass(frozen=True)
 class Parts:
-    """Folder and names of the parts of a study, each a range of `size` designs, by software of some `versions`."""
+    """Folder and names of the parts of a study, each a range of `size` designs, by software of some
+    `versions`.
+    """
 
     loaded: LoadedStudy
     folder: Path
@@ -70,10 +91,18 @@ class Parts:
         """Columns of the table, with the study and versions as metadata."""
         loaded = self.loaded
         factors = [column.name for column in loaded.columns]
-        fields = [pa.field("design", pa.int64(), False), *(pa.field(name, pa.string(), False) for name in TEXTS)]
+        fields = [
+            pa.field("design", pa.int64(), False),
+            *(pa.field(name, pa.string(), False) for name in TEXTS),
+        ]
         fields += [pa.field(name, pa.float64(), False) for name in factors]
         fields += [pa.field(name, pa.float64()) for name in loaded.outputs]
-        about = {"stem": loaded.stem, "name": loaded.study.name, "hash": loaded.hash, "versions": self.versions}
+        about = {
+            "stem": loaded.stem,
+            "name": loaded.study.name,
+            "hash": loaded.hash,
+            "versions": self.versions,
+        }
         about |= {"stress_accuracy": loaded.stress_accuracy}
         about |= loaded.assumptions._asdict()
         return pa.schema(fields, metadata={ABOUT: json.dumps(about, sort_keys=True).encode()})
@@ -98,13 +127,17 @@ class Parts:
         return f"{self._key} {chunk.start} {chunk.stop}".encode()
 
     def digests(self, chunk: range, table: Any) -> dict[str, str]:
-        """Return the digest of each column of the rows of a chunk, together with its name and the inputs."""
+        """Return the digest of each column of the rows of a chunk, together with its name and the
+        inputs.
+        """
         found = dict[str, str]()
         for name in table.column_names:
             column = table[name]
             text = pa.types.is_string(column.type)
             rows = (
-                json.dumps(column.to_pylist()).encode() if text else np.ascontiguousarray(column.to_numpy()).tobytes()
+                json.dumps(column.to_pylist()).encode()
+                if text
+                else np.ascontiguousarray(column.to_numpy()).tobytes()
             )
             content = hashlib.blake2b(self._inputs(chunk), digest_size=DIGEST_BYTES)
             content.update(f" {name} ".encode())
@@ -115,18 +148,33 @@ class Parts:
     def sealed(self, chunk: range, table: Any) -> Any:
         """Return the table of a chunk with its seal in the metadata."""
         seal = {"start": chunk.start, "stop": chunk.stop, "digests": self.digests(chunk, table)}
-        return table.replace_schema_metadata(table.schema.metadata | {SEAL: json.dumps(seal).encode()})
+        return table.replace_schema_metadata(
+            table.schema.metadata | {SEAL: json.dumps(seal).encode()}
+        )
 
 
 def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
     """Return the parts of a study in an output folder, by default some seconds of work each."""
     study = loaded.study
-    analytic = LINKED if study.links or study.ask else DRAWN if needs_stages(study) or study.driven else BROADCAST
-    return Parts(loaded, output / loaded.stem / PARTS, size or SIZES.get(study.model, analytic), dict(versions_of()))
+    analytic = (
+        LINKED
+        if study.links or study.ask
+        else DRAWN
+        if needs_stages(study) or study.driven
+        else BROADCAST
+    )
+    return Parts(
+        loaded,
+        output / loaded.stem / PARTS,
+        size or SIZES.get(study.model, analytic),
+        dict(versions_of()),
+    )
 
 
 def table_of(parts: Parts, designs: range, rows: Rows) -> Any:
-    """Return the Arrow table of designs: design, status, reason, factors, outputs (null without a result)."""
+    """Return the Arrow table of designs: design, status, reason, factors, outputs (null without a
+    result).
+    """
     missing = np.asarray(rows.status != "ok")
     columns = [pa.array(np.array(designs)), pa.array(rows.status), pa.array(rows.reason)]
     columns += [pa.array(column) for column in sample(parts.loaded, designs.start, designs.stop).T]
@@ -136,7 +184,9 @@ def table_of(parts: Parts, designs: range, rows: Rows) -> Any:
 
 @contextmanager
 def opened(path: Path, state: str, **options: Any) -> Iterator[Any]:
-    """Open a Parquet file through Python: pyarrow opens no file whose name is not UTF-8. A damaged one is BadInput."""
+    """Open a Parquet file through Python: pyarrow opens no file whose name is not UTF-8. A damaged
+    one is BadInput.
+    """
     try:
         with path.open("rb") as content, pq.ParquetFile(content, **READING, **options) as file:
             yield file
@@ -153,11 +203,13 @@ def read_part(parts: Parts, chunk: range, columns: list[str] | None = None) -> A
     ------
     FileNotFoundError
     BadInput
-        The part is damaged, is not that of this chunk, or its rows are not those that were written; one line.
+        The part is damaged, is not that of this chunk, or its rows are not those that were written;
+        one line.
     """
     path = parts.path(chunk)
     with opened(path, "a damaged part") as file:
-        schema, rows = file.schema_arrow, file.metadata.num_rows
+        schema = file.schema_arrow
+        rows = file.metadata.num_rows
         known = schema.equals(parts.schema)
         table = file.read(columns=columns, use_threads=False) if known else None
     fault = _fault(parts, chunk, schema, rows, table)
@@ -167,11 +219,15 @@ def read_part(parts: Parts, chunk: range, columns: list[str] | None = None) -> A
 
 
 def _fault(parts: Parts, chunk: range, schema: Any, rows: int, table: Any) -> str:
-    """Return what is wrong with a part, "" if nothing is; the table is None where its columns are others."""
+    """Return what is wrong with a part, "" if nothing is; the table is None where its columns are
+    others.
+    """
     try:
         about, seal = (json.loads(schema.metadata[key]) for key in (ABOUT, SEAL))
         study = about["hash"], about["versions"]
-        start, stop, digests = seal["start"], seal["stop"], dict(seal["digests"])
+        start = seal["start"]
+        stop = seal["stop"]
+        digests = dict(seal["digests"])
     except (KeyError, TypeError, ValueError):
         return "a part without a seal, written by other software"
     if study != (parts.loaded.hash, parts.versions):
@@ -179,10 +235,15 @@ def _fault(parts: Parts, chunk: range, schema: Any, rows: int, table: Any) -> st
     if table is None:
         return "a part with other columns"
     if (start, stop) != (chunk.start, chunk.stop):
-        return f"a part of the designs from {start} up to {stop}, expected those from {chunk.start} up to {chunk.stop}"
+        return (
+            f"a part of the designs from {start} up to {stop}, expected those from {chunk.start} "
+            f"up to {chunk.stop}"
+        )
     if rows != len(chunk):
         return f"a part with {rows} rows, expected {len(chunk)}"
-    changed = [name for name, digest in parts.digests(chunk, table).items() if digests.get(name) != digest]
+    changed = [
+        name for name, digest in parts.digests(chunk, table).items() if digests.get(name) != digest
+    ]
     more = f" and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
     return f"a part that was changed in {', '.join(changed[:NAMED])}{more}" if changed else ""
 
@@ -195,18 +256,23 @@ def counts_of(table: Any) -> Counts:
 
 @lru_cache
 def kind_of(reason: str) -> str:
-    """Return a reason without the numbers of its design: the text before " = ", else with dots for every number."""
+    """Return a reason without the numbers of its design: the text before " = ", else with dots for
+    every number.
+    """
     name, separator, _ = reason.partition(" = ")
-    return name if separator or not reason else re.sub(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", "...", reason)
+    return (
+        name if separator or not reason else re.sub(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", "...", reason)
+    )
 
 
 class Survey(NamedTuple):
     """Contents of the folder of a study.
 
     counts : by chunk, the number of designs by status and kind of reason.
-    damaged : by chunk, what is wrong with a part that is damaged or does not match its seal, one line with its path.
-    stale : parts of other inputs or versions.   elsewhere : number of designs in parts of other shards.
-    """
+    damaged : by chunk, what is wrong with a part that is damaged or does not match its seal, one
+    line with its path.
+    stale : parts of other inputs or versions.   elsewhere : number of designs in parts of other
+    shards."""
 
     counts: dict[range, Counts]
     damaged: dict[range, str]
@@ -220,9 +286,12 @@ class Survey(NamedTuple):
 
 
 def survey(parts: Parts, shard: slice = WHOLE, whole: bool = False) -> Survey:
-    """Read the status of all designs in the parts of a shard; with `whole` read and check every column."""
+    """Read the status of all designs in the parts of a shard; with `whole` read and check every
+    column.
+    """
     names = set(os.listdir(parts.folder)) if parts.folder.is_dir() else set[str]()
-    of_shard, found = set(parts.chunks(shard)), Survey({}, {}, [], 0)
+    of_shard = set(parts.chunks(shard))
+    found = Survey({}, {}, [], 0)
     present = [chunk for chunk in parts.chunks() if parts.path(chunk).name in names]
     for chunk in present:
         try:
@@ -234,7 +303,9 @@ def survey(parts: Parts, shard: slice = WHOLE, whole: bool = False) -> Survey:
             pass
     stale = sorted(names - {parts.path(chunk).name for chunk in present})
     elsewhere = sum(len(chunk) for chunk in present if chunk not in of_shard)
-    return found._replace(stale=[parts.folder / name for name in stale if PART.fullmatch(name)], elsewhere=elsewhere)
+    return found._replace(
+        stale=[parts.folder / name for name in stale if PART.fullmatch(name)], elsewhere=elsewhere
+    )
 
 
 def run_parts(
@@ -245,16 +316,18 @@ def run_parts(
     retry: bool = False,
     say: Callable[[str], object] = lambda text: None,
 ) -> int:
-    """Compute the missing parts of a study; several runs may work in the same folder at the same time.
+    """Compute the missing parts of a study; several runs may work in the same folder at the same
+    time.
 
-    Workers on this machine write the parts that they compute. Those of another executor return the rows, which are
-    written here: they need neither the study file nor the folder.
+    Workers on this machine write the parts that they compute. Those of another executor return the
+    rows, which are written here: they need neither the study file nor the folder.
 
     Parameters
     ----------
     solve : computes the rows of a range of designs; importable by workers.
     retry : also compute parts again whose designs ran out of time, crashed or failed.
-    say : called with lines for the user: on damaged and other parts, and on the progress after every part.
+    say : called with lines for the user: on damaged and other parts, and on the progress after
+    every part.
 
     Returns the number of designs that were known before. A stop notes how many designs are kept.
 
@@ -263,24 +336,43 @@ def run_parts(
     BadInput : no file can be written in the folder, or a worker has another flexfem.
     ComputationFailed : workers cannot start. Written parts are kept.
     """
-    found, chunks, began = survey(parts, shard, whole=True), parts.chunks(shard), time.monotonic()
+    found = survey(parts, shard, whole=True)
+    chunks = parts.chunks(shard)
+    began = time.monotonic()
     for fault in found.damaged.values():
         say(f"{fault}; computed again")
     if found.stale:
-        say(f"{len(found.stale):,} parts of other inputs or versions in {parts.folder}: see flexfem study clean")
-    failed = (chunk for chunk, counts in found.counts.items() if any(status in RETRIED for status, _ in counts))
+        say(
+            f"{len(found.stale):,} parts of other inputs or versions in {parts.folder}: see "
+            "flexfem study clean"
+        )
+    failed = (
+        chunk
+        for chunk, counts in found.counts.items()
+        if any(status in RETRIED for status, _ in counts)
+    )
     again = {*found.damaged, *(failed if retry else ())}
     todo = deque((chunk, chunk) for chunk in chunks if chunk not in found.counts or chunk in again)
-    todo.rotate(random.randrange(len(todo) or 1))  # runs in the same folder start with different parts
+    todo.rotate(
+        random.randrange(len(todo) or 1)
+    )  # runs in the same folder start with different parts
     counts: Counts = sum((n for chunk, n in found.counts.items() if chunk not in again), Counter())
-    designs, known, pieces = sum(map(len, chunks)), counts.total(), defaultdict[range, list[Any]](list)
+    designs = sum(map(len, chunks))
+    known = counts.total()
+    pieces = defaultdict[range, list[Any]](list)
     if todo:
         content: dict[str, Any] = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
         content |= {"hash": parts.loaded.hash, "changes": stored_changes(parts)}
         if content["changes"] is None:
-            with suppress(Exception):  # whatever a formula of the user raises is the reason of a design
+            with suppress(
+                Exception
+            ):  # whatever a formula of the user raises is the reason of a design
                 content["changes"] = changed_outputs(parts.loaded)
-        write_atomically(parts.folder.parent / FILE, lambda file: file.write(json.dumps(content).encode()), again=True)
+        write_atomically(
+            parts.folder.parent / FILE,
+            lambda file: file.write(json.dumps(content).encode()),
+            again=True,
+        )
 
     def next_task() -> tuple[Any, ...] | None:
         while todo:
@@ -289,14 +381,20 @@ def run_parts(
             if piece != chunk or chunk in again:
                 return solve, parts, chunk, piece, whole
             try:
-                counts.update(counts_of(read_part(parts, chunk, TEXTS)))  # written by another run since
+                counts.update(
+                    counts_of(read_part(parts, chunk, TEXTS))
+                )  # written by another run since
             except (FileNotFoundError, BadInput):
                 return solve, parts, chunk, piece, whole
         return None
 
     def limit(task: tuple[Any, ...]) -> float:
         study = parts.loaded.study
-        return ANALYTIC_LIMIT if study.model == "analytic" else len(task[3]) * (study.time_limit + SLACK)
+        return (
+            ANALYTIC_LIMIT
+            if study.model == "analytic"
+            else len(task[3]) * (study.time_limit + SLACK)
+        )
 
     try:
         say(progress_line(counts, designs, 0.0))
@@ -306,14 +404,22 @@ def run_parts(
                 todo.extendleft((chunk, half) for half in (piece[middle:], piece[:middle]))
                 continue
             if isinstance(result, Failure):
-                result = table_of(parts, piece, row_of(*result, np.full(len(parts.loaded.outputs), np.nan)))
+                result = table_of(
+                    parts, piece, row_of(*result, np.full(len(parts.loaded.outputs), np.nan))
+                )
             if isinstance(result, pa.Table):
                 pieces[chunk].append(result)
                 if sum(map(len, pieces[chunk])) < len(chunk):
                     continue
-                result = write_part(parts, chunk, pa.concat_tables(pieces.pop(chunk)).sort_by("design"))
+                result = write_part(
+                    parts, chunk, pa.concat_tables(pieces.pop(chunk)).sort_by("design")
+                )
             counts.update(result)
-            say(progress_line(counts, designs, (counts.total() - known) / (time.monotonic() - began)))
+            say(
+                progress_line(
+                    counts, designs, (counts.total() - known) / (time.monotonic() - began)
+                )
+            )
     except KeyboardInterrupt as stop:
         kept = f"{counts.total():,} of {designs:,} designs are kept in {parts.folder}"
         stop.add_note(f"stopped; {kept}; the same command continues the run")
@@ -322,7 +428,9 @@ def run_parts(
 
 
 def stored_changes(parts: Parts) -> dict[str, list[str]] | None:
-    """Return the outputs that each factor changes, as a run of this study has stored them; None without such a run."""
+    """Return the outputs that each factor changes, as a run of this study has stored them; None
+    without such a run.
+    """
     try:
         content = json.loads((parts.folder.parent / FILE).read_text(encoding="utf-8"))
         return dict(content["changes"]) if content["hash"] == parts.loaded.hash else None
@@ -331,43 +439,65 @@ def stored_changes(parts: Parts) -> dict[str, list[str]] | None:
 
 
 def warnings_of_factors(parts: Parts) -> list[str]:
-    """Return a warning for each factor that changes none of the requested numbers, as far as a run has found out."""
+    """Return a warning for each factor that changes none of the requested numbers, as far as a run
+    has found out.
+    """
     return factor_warnings(parts.loaded, stored_changes(parts) or {})
 
 
 def progress_line(counts: Counts, designs: int, rate: float) -> str:
-    """Return one line on a run with `rate` designs a second: designs done, rate, time left, failures."""
-    done, failed = counts.total(), sum(n for (status, _), n in counts.items() if status in RETRIED)
+    """Return one line on a run with `rate` designs a second: designs done, rate, time left,
+    failures.
+    """
+    done = counts.total()
+    failed = sum(n for (status, _), n in counts.items() if status in RETRIED)
     minutes, s = divmod(round((designs - done) / rate), 60) if rate > 0 else (0, 0)
-    left = f"{minutes // 60} h {minutes % 60:02d} min {s:02d} s left" if rate > 0 else "waiting for the first"
-    return f"{done:,}/{designs:,} designs, {rate:,.{0 if rate > 10 else 2}f}/s, {left}, {failed:,} failed"
+    left = (
+        f"{minutes // 60} h {minutes % 60:02d} min {s:02d} s left"
+        if rate > 0
+        else "waiting for the first"
+    )
+    return (
+        f"{done:,}/{designs:,} designs, {rate:,.{0 if rate > 10 else 2}f}/s, {left}, {failed:,} "
+        "failed"
+    )
 
 
 def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
     """Write the part of a chunk with its seal and return its counts."""
     sealed = parts.sealed(chunk, table)
-    write_atomically(parts.path(chunk), lambda file: pq.write_table(sealed, file, **PARQUET), again=True)
+    write_atomically(
+        parts.path(chunk), lambda file: pq.write_table(sealed, file, **PARQUET), again=True
+    )
     return counts_of(table)
 
 
 def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range, write: bool) -> Any:
-    """In a worker, solve a piece of a chunk: with `write` write the part and return its counts, else return its table;
-    return a `Failure` where solving raises an error."""
+    """In a worker, solve a piece of a chunk: with `write` write the part and return its counts,
+    else return its table; return a `Failure` where solving raises an error."""
     require_same_versions(parts.versions)
     try:
         rows = solve(parts.loaded, piece.start, piece.stop)
     except Exception as error:
-        kind = "" if isinstance(error, BadInput | ComputationFailed) else f"{type(error).__name__}: "
+        kind = (
+            "" if isinstance(error, BadInput | ComputationFailed) else f"{type(error).__name__}: "
+        )
         return Failure("failed", kind + " ".join(str(error).split()))
     table = table_of(parts, piece, rows)
     return write_part(parts, chunk, table) if write else table
 
 
 def remove_stale(parts: Parts, dry_run: bool = False) -> tuple[int, int]:
-    """Remove parts of other inputs or versions, and old temporary files; return number and bytes of the parts."""
+    """Remove parts of other inputs or versions, and old temporary files; return number and bytes of
+    the parts.
+    """
     stale = survey(parts).stale
     size = sum(path.stat().st_size for path in stale)
-    left = [path for path in parts.folder.glob(".part-*.tmp") if time.time() - path.stat().st_mtime > OLD]
+    left = [
+        path
+        for path in parts.folder.glob(".part-*.tmp")
+        if time.time() - path.stat().st_mtime > OLD
+    ]
     for path in () if dry_run else (*stale, *left):
         try:
             path.unlink(missing_ok=True)

@@ -1,4 +1,6 @@
-"""Worker processes on this machine, other executors such as a Dask cluster, and versions of the software they use."""
+"""Worker processes on this machine, other executors such as a Dask cluster, and versions of the
+software they use.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -27,15 +36,19 @@ from flexfem.sources import ONE_THREAD, PACKAGE, manifest, own_hash
 
 LOADING = 300.0  # s, for the first worker to start on a busy machine
 CONNECTING = 10.0  # s, for a scheduler to respond
-SILENCE = 900.0  # s without a result besides the time limit of a task; Dask notices a paused worker after 300 s
-SUBMITTED = 1024  # tasks that an executor has at a time: some for every worker, and few enough for its memory
+# s without a result besides the time limit of a task; Dask notices a paused worker after 300 s
+SILENCE = 900.0
+# tasks that an executor has at a time: some for every worker, and few enough for its memory
+SUBMITTED = 1024
 KILLED_WORKER = "KilledWorker"  # error of Dask on a task during which several workers have died
 POLL = 0.25  # s
 HELD = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 class Failure(NamedTuple):
-    """A task without a result: "time limit"; "crashed", its worker died; or "failed", it raised an error."""
+    """A task without a result: "time limit"; "crashed", its worker died; or "failed", it raised an
+    error.
+    """
 
     status: str
     reason: str
@@ -69,12 +82,14 @@ class Workers:
         next_task: Callable[[], tuple[Any, ...] | None],
         limit: Callable[[tuple[Any, ...]], float],
     ) -> Iterator[tuple[tuple[Any, ...], Any]]:
-        """Compute `function(*task)`, and yield each task with its result or a `Failure` in the order of completion.
+        """Compute `function(*task)`, and yield each task with its result or a `Failure` in the
+        order of completion.
 
         Parameters
         ----------
         function : importable by the workers.
-        next_task : returns the arguments of the next task, or None; called after every result, when tasks may be added.
+        next_task : returns the arguments of the next task, or None; called after every result, when
+        tasks may be added.
         limit : seconds that a task may take.
 
         Raises
@@ -83,19 +98,29 @@ class Workers:
 
         Notes
         -----
-        A task whose process dies is repeated once, because the process may have been killed from outside.
-        """
+        A task whose process dies is repeated once, because the process may have been killed from
+        outside."""
         running: dict[Future[Any], tuple[Any, tuple[Any, ...], float]] = {}
-        again, repeated = deque[tuple[Any, ...]](), list[tuple[Any, ...]]()
+        again = deque[tuple[Any, ...]]()
+        repeated = list[tuple[Any, ...]]()
         try:
             while True:
-                while len(running) < self._count and (task := again.popleft() if again else next_task()) is not None:
+                while (
+                    len(running) < self._count
+                    and (task := again.popleft() if again else next_task()) is not None
+                ):
                     process = self._idle.pop() if self._idle else self._started()
-                    running[_submitted(process, function, task)] = process, task, time.monotonic() + limit(task)
+                    running[_submitted(process, function, task)] = (
+                        process,
+                        task,
+                        time.monotonic() + limit(task),
+                    )
                 if not running:
                     return
                 done = wait(running, POLL, FIRST_COMPLETED).done
-                late = {future for future, (*_, end) in running.items() if time.monotonic() > end} - done
+                late = {
+                    future for future, (*_, end) in running.items() if time.monotonic() > end
+                } - done
                 for future in (*done, *late):
                     process, task, _ = running[future]
                     overdue = Failure("time limit", f"no result in {limit(task):g} s")
@@ -115,23 +140,29 @@ class Workers:
                 _end(process)
 
     def _started(self) -> Any:
-        """Start a process as a pool of its own, so that its end stops no other; wait until the first one responds."""
+        """Start a process as a pool of its own, so that its end stops no other; wait until the
+        first one responds.
+        """
         from loky import ProcessPoolExecutor
 
-        process = ProcessPoolExecutor(1, timeout=None, env=ONE_THREAD, initializer=_begin, initargs=(os.getpid(),))
+        process = ProcessPoolExecutor(
+            1, timeout=None, env=ONE_THREAD, initializer=_begin, initargs=(os.getpid(),)
+        )
         if not self._ready and _result(_submitted(process, os.getpid, ()), LOADING) is CRASHED:
             _end(process)
-            raise ComputationFailed("worker processes end at their start: is flexfem installed for them?")
+            raise ComputationFailed(
+                "worker processes end at their start: is flexfem installed for them?"
+            )
         self._ready = True
         return process
 
 
 class ExecutorWorkers:
-    """The workers of any executor of `concurrent.futures`, on any machine; they return what they compute.
+    """The workers of any executor of `concurrent.futures`, on any machine; they return what they
+    compute.
 
-    An executor cannot end a task that hangs. It is expected to repeat tasks of workers that die or no longer respond,
-    as Dask does.
-    """
+    An executor cannot end a task that hangs. It is expected to repeat tasks of workers that die or
+    no longer respond, as Dask does."""
 
     here = False
 
@@ -144,14 +175,16 @@ class ExecutorWorkers:
         next_task: Callable[[], tuple[Any, ...] | None],
         limit: Callable[[tuple[Any, ...]], float],
     ) -> Iterator[tuple[tuple[Any, ...], Any]]:
-        """Compute `function(*task)`, and yield each task with its result or a `Failure` in the order of completion.
+        """Compute `function(*task)`, and yield each task with its result or a `Failure` in the
+        order of completion.
 
-        The arguments are those of `Workers.results`. A task may wait for a worker while others are computed, so its
-        limit counts from the last result of any task.
+        The arguments are those of `Workers.results`. A task may wait for a worker while others are
+        computed, so its limit counts from the last result of any task.
 
         Raises
         ------
-        BadInput, ComputationFailed : raised by the function; a worker has other versions; the executor has lost its
+        BadInput, ComputationFailed : raised by the function; a worker has other versions; the
+        executor has lost its
             workers; or no result arrives in `SILENCE` seconds besides the limit.
         """
         running: dict[Future[Any], tuple[Any, ...]] = {}
@@ -170,12 +203,16 @@ class ExecutorWorkers:
                 longest = SILENCE + max(map(limit, running.values()), default=0.0)
                 if silent > longest:
                     about = f"no result of {len(running)} tasks in {longest:g} s"
-                    raise ComputationFailed(f"{about}: does the executor have workers, and do they respond?")
+                    raise ComputationFailed(
+                        f"{about}: does the executor have workers, and do they respond?"
+                    )
         finally:
             for future in running:
                 future.cancel()
 
-    def _submitted(self, versions: Mapping[str, str], function: Callable[..., Any], task: tuple[Any, ...]) -> Any:
+    def _submitted(
+        self, versions: Mapping[str, str], function: Callable[..., Any], task: tuple[Any, ...]
+    ) -> Any:
         try:
             return self._executor.submit(compute_alone, versions, function, *task)
         except (BrokenExecutor, OSError, RuntimeError) as error:
@@ -183,7 +220,9 @@ class ExecutorWorkers:
 
 
 def _executed(future: Future[Any]) -> Any:
-    """Return the result of a task of an executor, or `CRASHED` where several workers have died of it."""
+    """Return the result of a task of an executor, or `CRASHED` where several workers have died of
+    it.
+    """
     try:
         return future.result()
     except (BadInput, ComputationFailed):
@@ -199,8 +238,8 @@ def _executed(future: Future[Any]) -> Any:
 def compute_alone(versions: Mapping[str, str], function: Callable[..., Any], *task: Any) -> Any:
     """In a worker, compute a task with the versions of the runner.
 
-    One task at a time: samples, meshers and solvers keep their state in the process, and a worker may have threads.
-    """
+    One task at a time: samples, meshers and solvers keep their state in the process, and a worker
+    may have threads."""
     require_same_versions(versions)
     with _ALONE:
         return function(*task)
@@ -208,14 +247,17 @@ def compute_alone(versions: Mapping[str, str], function: Callable[..., Any], *ta
 
 def _line(error: BaseException) -> str:
     """Return an error that another package has raised as one line."""
-    return one_line(f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": "), 200)
+    return one_line(
+        f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": "), 200
+    )
 
 
 @contextmanager
 def workers_of(
     count: int, scheduler: str | None = None, executor: Executor | None = None
 ) -> Iterator[Workers | ExecutorWorkers]:
-    """Yield `count` processes on this machine, or the workers of a Dask scheduler or of an executor. Raises BadInput.
+    """Yield `count` processes on this machine, or the workers of a Dask scheduler or of an
+    executor. Raises BadInput.
 
     scheduler : `host:port`, or the path of a scheduler file.
     """
@@ -223,7 +265,9 @@ def workers_of(
         raise BadInput("scheduler and executor, expected one of them")
     if executor is not None:
         if not isinstance(executor, Executor):
-            raise BadInput(f"executor {one_line(repr(executor), 200)}, expected one of concurrent.futures")
+            raise BadInput(
+                f"executor {one_line(repr(executor), 200)}, expected one of concurrent.futures"
+            )
         yield ExecutorWorkers(executor)
     elif scheduler is not None:
         with dask_client(scheduler) as client:
@@ -250,7 +294,9 @@ def dask_client(scheduler: str) -> Iterator[Any]:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
         raise BadInput(f"{named}: Dask is not installed, expected flexfem[dask]") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # an error is one line, that of flexfem
+    logging.getLogger("distributed").setLevel(
+        logging.CRITICAL
+    )  # an error is one line, that of flexfem
     place = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
     try:
         client: Any = distributed.Client(**place, timeout=CONNECTING, set_as_default=False)
@@ -276,7 +322,9 @@ def _submitted(process: Any, function: Callable[..., Any], task: tuple[Any, ...]
         broken.set_exception(error)
         return broken
     except (OSError, RuntimeError) as error:
-        raise ComputationFailed(f"worker processes cannot be started: {one_line(str(error), 200)}") from None
+        raise ComputationFailed(
+            f"worker processes cannot be started: {one_line(str(error), 200)}"
+        ) from None
 
 
 def _result(future: Future[Any], seconds: float | None = None) -> Any:
@@ -315,7 +363,9 @@ def _end_with(parent: int) -> None:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Block Ctrl-C and similar signals while processes start, until they ignore them and the pool is complete."""
+    """Block Ctrl-C and similar signals while processes start, until they ignore them and the pool
+    is complete.
+    """
     if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -330,11 +380,19 @@ def signals_held() -> Iterator[None]:
 def versions_of() -> Mapping[str, str]:
     """Return the versions of the software on which results depend.
 
-    These are versions of flexfem and the libraries, a hash of the files of flexfem in a checkout or an editable
-    installation, and a hash of the file that the user gives by `--with`.
-    """
+    These are versions of flexfem and the libraries, a hash of the files of flexfem in a checkout or
+    an editable installation, and a hash of the file that the user gives by `--with`."""
     versions = {"python": ".".join(map(str, sys.version_info[:2]))}
-    for name in ("flexfem", "numpy", "scipy", "shapely", "gmsh", "scikit-fem", "cvxopt", "pypardiso"):
+    for name in (
+        "flexfem",
+        "numpy",
+        "scipy",
+        "shapely",
+        "gmsh",
+        "scikit-fem",
+        "cvxopt",
+        "pypardiso",
+    ):
         with suppress(PackageNotFoundError):
             versions[name] = version(name)
     if (PACKAGE.parent / "pyproject.toml").is_file():
@@ -345,9 +403,14 @@ def versions_of() -> Mapping[str, str]:
 
 
 def require_same_versions(expected: Mapping[str, str]) -> None:
-    """Raise BadInput in a worker whose versions of flexfem or libraries are not those of the runner."""
+    """Raise BadInput in a worker whose versions of flexfem or libraries are not those of the
+    runner.
+    """
     own = versions_of()
     for name in {**expected, **own}:
         if own.get(name) != expected.get(name):
-            said = f"a worker has {name} {own.get(name, 'none')}, the runner {expected.get(name, 'none')}"
+            said = (
+                f"a worker has {name} {own.get(name, 'none')}, the runner "
+                f"{expected.get(name, 'none')}"
+            )
             raise BadInput(f"{said}, expected the same versions everywhere")

@@ -14,7 +14,10 @@ from flexfem.hinges.chart import Compliance
 from flexfem.hinges.formulas import formula
 from flexfem.mechanism.frames import Frames, frames
 
-R, RA, RAS, RS = ("rotation",), ("rotation", "axial"), ("rotation", "axial", "shear"), ("rotation", "shear")
+R = ("rotation",)
+RA = ("rotation", "axial")
+RAS = ("rotation", "axial", "shear")
+RS = ("rotation", "shear")
 TABLES: dict[str, Freedoms] = {
     **{f"mobility {m}": table for m, table in FREEDOMS_BY_MOBILITY.items()},
     "mixed, one slide": ((R, R, RA), (R, R, R), (R, R, R)),
@@ -38,7 +41,8 @@ def sample(seed: int, *designs: int) -> Sample:
     regular = frames(lengths, angles)
     centres = regular.centres + rng.uniform(-3.0, 3.0, regular.centres.shape)
     skew = Frames(centres, rng.uniform(-np.pi, np.pi, regular.axes.shape))
-    radius, neck = rng.uniform(1.3, 4.1, skew.axes.shape), rng.uniform(0.3, 0.7, skew.axes.shape)
+    radius = rng.uniform(1.3, 4.1, skew.axes.shape)
+    neck = rng.uniform(0.3, 0.7, skew.axes.shape)
     return Sample(skew, formula("paros-weisbord").compliance(radius, neck, 9.3, 68.9e3, 0.29))
 
 
@@ -49,7 +53,9 @@ def scaled_error(K: Array, reference: Array) -> float:
 
 
 def close_loops(of: PaperModel, displacement: Array) -> Array:
-    """Joint displacements (..., N) with the independent ones as given; Newton's method on the gaps of the loops."""
+    """Joint displacements (..., N) with the independent ones as given; Newton's method on the gaps
+    of the loops.
+    """
     phi = np.array(displacement)
     for _ in range(12):
         at = influence(of.frames, of.joints, of.choice, phi)

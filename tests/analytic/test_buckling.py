@@ -6,9 +6,14 @@ import pytest
 import flexfem
 from flexfem.analytic.finite import buckling_factors
 
-E, B, T, L = 70_000.0, 9.0, 0.4, 37.0  # MPa, mm
+E = 70_000.0
+B = 9.0
+T = 0.4
+L = 37.0  # MPa, mm
 EULER = np.pi**2 * E * B * T**3 / 12 / L**2  # N, of a column with two pinned ends
-SHEAR = 1e-3  # relative to the load of Euler: the shear of a leaf, and its division into eight beams
+SHEAR = (
+    1e-3  # relative to the load of Euler: the shear of a leaf, and its division into eight beams
+)
 
 
 def leaf(turn=0.0):
@@ -22,7 +27,13 @@ def leaf(turn=0.0):
     return flexfem.Mechanism(
         name="leaf",
         thickness=B,
-        material={"name": "m", "youngs_modulus": E, "poissons_ratio": 0.29, "density": 2700.0, "yield_strength": 400.0},
+        material={
+            "name": "m",
+            "youngs_modulus": E,
+            "poissons_ratio": 0.29,
+            "density": 2700.0,
+            "yield_strength": 400.0,
+        },
         body=[
             {"name": "base", "path": [at(-12), at(0)], "width": 11, "fixed": True},
             {"name": "top", "path": [at(L), at(L + 13)], "width": 8},
@@ -70,9 +81,16 @@ def test_tension_and_no_load_do_not_buckle_a_leaf():
 def test_stiffness_states_eulers_loads_and_warns_of_yield_beyond_them():
     found = flexfem.stiffness(leaf(), models="analytic")
     pushed = {"sense": "negative", "direction": "x"}
-    assert float(found.at("buckling_load", others="held", **pushed)) == pytest.approx(-4 * EULER, rel=SHEAR)
-    assert float(found.at("buckling_load", others="free", **pushed)) == pytest.approx(-EULER / 4, rel=SHEAR)
+    assert float(found.at("buckling_load", others="held", **pushed)) == pytest.approx(
+        -4 * EULER, rel=SHEAR
+    )
+    assert float(found.at("buckling_load", others="free", **pushed)) == pytest.approx(
+        -EULER / 4, rel=SHEAR
+    )
     assert np.isnan(found.at("buckling_load", others="held", sense="positive", direction="x"))
     warned = [text for text in found.warnings if "buckle before they yield" in text]
     assert len(warned) == 1
-    assert "along -x: at 96.83 N with the other directions held and 6.055 N with them free" in warned[0]
+    assert (
+        "along -x: at 96.83 N with the other directions held and 6.055 N with them free"
+        in warned[0]
+    )

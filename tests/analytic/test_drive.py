@@ -1,4 +1,6 @@
-"""The compliance of a driven stage against its joints: another route, with dependent joints and moved contacts."""
+"""The compliance of a driven stage against its joints: another route, with dependent joints and
+moved contacts.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +29,13 @@ PLACES = [  # carrier, pushed body, contact and direction in the frame of chain 
 
 
 def opening(frames, joints, displacement, chain, place):
-    """How far a stack's two ends have moved apart along its line, from the finite motion of its two bodies."""
+    """How far a stack's two ends have moved apart along its line, from the finite motion of its two
+    bodies.
+    """
     carrier, pushed, point, direction = place
     spin = np.exp(2j * np.pi / 3 * chain)
-    push, contact = np.exp(1j * direction) * spin, point * spin
+    push = np.exp(1j * direction) * spin
+    contact = point * spin
     at = chain_poses(frames, joints, displacement)
     rest = chain_poses(frames, joints, np.zeros_like(displacement))
     table = np.zeros(27)
@@ -43,22 +48,30 @@ def opening(frames, joints, displacement, chain, place):
         if body == 3:
             x, y, _ = at.pose[chain]
             return x + 1j * y + contact * np.exp(1j * turn)
-        end, was = (complex(*each.pivots[chain, body]) for each in (at, rest))  # the next hinge sits on the body
+        end, was = (
+            complex(*each.pivots[chain, body]) for each in (at, rest)
+        )  # the next hinge sits on the body
         return end + (contact - was) * np.exp(1j * turn)
 
     return ((moved(pushed) - moved(carrier)) * np.conj(push)).real
 
 
 def by_joints(frames, hinges, freedoms, places):
-    """Compliance (3 + n, 3 + n): (17) with the openings beside the pose, by central differences of the joints."""
+    """Compliance (3 + n, 3 + n): (17) with the openings beside the pose, by central differences of
+    the joints.
+    """
     of = mechanism(frames, hinges, freedoms)
     at = stiffness(of)
     independent = np.eye(of.joints.mobility)
     all_joints = in_joint_order(at.influence.G_p @ independent, independent, of.choice)
-    rows, step = [], 1e-6
+    rows = []
+    step = 1e-6
     for chain, place in places:
         there, back = (
-            [opening(frames, of.joints, sign * step * joint, chain, place) for joint in all_joints.T]
+            [
+                opening(frames, of.joints, sign * step * joint, chain, place)
+                for joint in all_joints.T
+            ]
             for sign in (1, -1)
         )
         rows.append((np.array(there) - np.array(back)) / (2 * step))
@@ -80,7 +93,9 @@ def test_openings_and_poses_are_those_of_the_joints(generic, error, mobility):
 
 
 def test_a_push_along_a_straight_link_stretches_it_between_the_two_stations():
-    """Link 1 alone between frame and itself: a pull along it is borne by its strip from the base to the station."""
+    """Link 1 alone between frame and itself: a pull along it is borne by its strip from the base to
+    the station.
+    """
     stage = load_stage(GEOMETRY / "mobility3.toml")
     E, _ = stage.elastic
     near, far = (

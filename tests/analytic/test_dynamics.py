@@ -19,7 +19,8 @@ PAYLOAD = Payload(4e-5, 0.021)
 
 
 @pytest.mark.parametrize(
-    ("mobility", "formula"), [(3, "koster"), (6, "paros-weisbord"), (12, "wu-zhou"), (21, "calibrated")]
+    ("mobility", "formula"),
+    [(3, "koster"), (6, "paros-weisbord"), (12, "wu-zhou"), (21, "calibrated")],
 )
 def test_frequencies_are_those_of_the_independent_joints(mobility, formula):
     """K_aa of (16) and the kinetic energy of every body by the Jacobian of its own joints."""
@@ -27,7 +28,8 @@ def test_frequencies_are_those_of_the_independent_joints(mobility, formula):
     found = dynamics(stage, analyse(stage, mobility, formula), PAYLOAD)
     of = assemble(stage, mobility, formula)
     at = stiffness(of)
-    G, joints = at.influence.G_a, of.joints
+    G = at.influence.G_a
+    joints = of.joints
     columns = first_order(joints, resting(of.frames, joints))
     M = at.influence.G_u.T @ found.mass[:3, :3] @ at.influence.G_u
     for k, (chain, link) in enumerate((chain, link) for chain in range(3) for link in (1, 2)):
@@ -50,10 +52,15 @@ def test_bodies_that_move_have_the_drawn_mass_less_the_pads_and_the_payload_once
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_freedom_that_hinges_do_not_have_has_no_frequency_of_round_off(seed):
-    """Of mobility three also where round-off leaves 1e-12 of the softest eigenvalue, and with 1000 tonnes on it."""
+    """Of mobility three also where round-off leaves 1e-12 of the softest eigenvalue, and with 1000
+    tonnes on it.
+    """
     rng = np.random.default_rng(seed)
     stage = with_changes(
-        {"hinges.elbow.neck_mm": float(rng.uniform(0.1, 0.6)), "thickness_mm": float(rng.uniform(4, 20))}
+        {
+            "hinges.elbow.neck_mm": float(rng.uniform(0.1, 0.6)),
+            "thickness_mm": float(rng.uniform(4, 20)),
+        }
     )
     of = dynamics(stage, analyse(stage, 3), payload_of(1e6, 1e9))
     noisy = of._replace(compliance=of.compliance + 1e-11 * np.max(of.compliance) * np.eye(21))
@@ -68,5 +75,7 @@ def test_a_heavy_payload_vibrates_on_the_static_stiffness(links):
     stage = with_changes({"override": UNLIKE})
     model = analyse(stage, 21, "calibrated", links)
     found = dynamics(stage, model, payload_of(500.0, 4e5)).frequencies[:3]
-    expected = np.sqrt(scipy.linalg.eigh(model.stiffness, np.diag([0.5, 0.5, 400.0]), eigvals_only=True))
+    expected = np.sqrt(
+        scipy.linalg.eigh(model.stiffness, np.diag([0.5, 0.5, 400.0]), eigvals_only=True)
+    )
     np.testing.assert_allclose(found, expected, rtol=5e-4)

@@ -33,7 +33,9 @@ def test_loaded_stiffness_is_the_tangent_of_exact_equilibrium(generic, table, er
     at = under_load(of, load)
     tangent = stiffness(of, at.displacement, load)
     assert error(slope(of, load), tangent.C_uu) < TANGENT
-    assert error(stiffness(of).C_uu, tangent.C_uu) > 1e-3  # the load matters: the test is not one of the rest stiffness
+    assert (
+        error(stiffness(of).C_uu, tangent.C_uu) > 1e-3
+    )  # the load matters: the test is not one of the rest stiffness
 
 
 def test_holding_a_pose_takes_the_load_that_leads_there(generic, table) -> None:
@@ -54,7 +56,9 @@ def test_a_batch_of_designs_and_loads_is_its_members_one_by_one(generic, table) 
     for d in range(4):
         one = mechanism(*(type(part)(*(a[d] for a in part)) for part in stage), table)
         for k in range(2):
-            np.testing.assert_allclose(together.pose[k, d], under_load(one, loads[k, d]).pose, rtol=DENSE)
+            np.testing.assert_allclose(
+                together.pose[k, d], under_load(one, loads[k, d]).pose, rtol=DENSE
+            )
 
 
 def test_a_load_beyond_every_equilibrium_is_an_error(generic) -> None:
@@ -69,6 +73,8 @@ def test_a_singular_design_is_nan_and_spares_the_others(generic) -> None:
     stage = generic(72, 2)
     centres = stage.frames.centres.copy()
     centres[0, :, 1] = 2.0 * centres[0, :, 2]
-    of = mechanism(stage.frames._replace(centres=centres), stage.compliance, FREEDOMS_BY_MOBILITY[3])
+    of = mechanism(
+        stage.frames._replace(centres=centres), stage.compliance, FREEDOMS_BY_MOBILITY[3]
+    )
     at = under_load(of, np.array([1.0, 0.5, 3.0]))
     assert np.isnan(at.pose[0]).all() and np.isfinite(at.pose[1]).all()

@@ -1,4 +1,6 @@
-"""The closed loops, influence coefficients and the choice of dependent joints; stiffness at rest by other routes."""
+"""The closed loops, influence coefficients and the choice of dependent joints; stiffness at rest by
+other routes.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +26,12 @@ from ..tolerances import DENSE
 from .conftest import close_loops
 
 H = 1e-4  # step of the five-point differences, rad and mm
-DIFFERENCE = 3e-9  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3
+DIFFERENCE = (
+    3e-9  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3
+)
 ROUNDING = DENSE  # one 6 by 6 solve with a well-chosen set of dependent joints
-SERIAL = DENSE  # seen: 1e-14 for choices by elimination, 2e-12 for the paper\'s while its G_p stays small
+# seen: 1e-14 for choices by elimination, 2e-12 for the paper\'s while its G_p stays small
+SERIAL = DENSE
 
 
 def moved(stage, table, seed, size=0.03):
@@ -39,15 +44,20 @@ def moved(stage, table, seed, size=0.03):
 def test_loops_close_at_finite_displacements(generic, table) -> None:
     of, phi = moved(generic(21), table, 1)
     pose = chain_poses(of.frames, of.joints, phi).pose
-    np.testing.assert_allclose(pose, pose[:1] + np.zeros((3, 1)), rtol=0, atol=1e-12)  # rounding of a few mm
+    np.testing.assert_allclose(
+        pose, pose[:1] + np.zeros((3, 1)), rtol=0, atol=1e-12
+    )  # rounding of a few mm
     assert np.max(np.abs(pose)) > 0.01
 
 
 def slope(of, phi, function):
-    """Five-point derivative of `function` of closed configurations, over each independent joint (last axis)."""
+    """Five-point derivative of `function` of closed configurations, over each independent joint
+    (last axis).
+    """
     shift = H * np.eye(len(phi))[of.choice.independent]
     near, far = (
-        function(close_loops(of, phi + k * shift)) - function(close_loops(of, phi - k * shift)) for k in (1, 2)
+        function(close_loops(of, phi + k * shift)) - function(close_loops(of, phi - k * shift))
+        for k in (1, 2)
     )
     return np.moveaxis((8.0 * near - far) / (12.0 * H), 0, -1)
 
@@ -61,14 +71,22 @@ def test_first_order_coefficients_are_the_slopes_of_closed_loops(generic, table)
     np.testing.assert_allclose(at.G_u, G_u, rtol=0, atol=DIFFERENCE * np.max(np.abs(at.G_u)))
 
 
-def test_second_order_coefficients_are_the_slopes_of_the_first_along_closed_loops(generic, table) -> None:
+def test_second_order_coefficients_are_the_slopes_of_the_first_along_closed_loops(
+    generic, table
+) -> None:
     of, phi = moved(generic(25), table, 4)
     at = influence(of.frames, of.joints, of.choice, phi)
     for name, G in (("H_p", "G_p"), ("H_u", "G_u")):
-        expected = slope(of, phi, lambda closed, G=G: getattr(influence(of.frames, of.joints, of.choice, closed), G))
+        expected = slope(
+            of,
+            phi,
+            lambda closed, G=G: getattr(influence(of.frames, of.joints, of.choice, closed), G),
+        )
         found = getattr(at, name)
         np.testing.assert_allclose(found, expected, rtol=0, atol=DIFFERENCE * np.max(np.abs(found)))
-        np.testing.assert_allclose(found, np.swapaxes(found, -1, -2), rtol=0, atol=ROUNDING * np.max(np.abs(found)))
+        np.testing.assert_allclose(
+            found, np.swapaxes(found, -1, -2), rtol=0, atol=ROUNDING * np.max(np.abs(found))
+        )
 
 
 def test_the_papers_independent_joints_are_taken_where_it_names_them(generic) -> None:
@@ -86,7 +104,9 @@ def test_parallel_neck_axes_do_not_make_the_choice_singular(generic, number) -> 
     parallel = Frames(stage.frames.centres, np.full((3, 3), 0.4))
     of = mechanism(parallel, stage.compliance, FREEDOMS_BY_MOBILITY[number])
     assert np.all(np.isfinite(stiffness(of).K_uu))
-    slides = chosen(of.joints, ~np.isin(np.arange(len(of.joints.kind)), np.flatnonzero(of.joints.kind == 1)[:6]))
+    slides = chosen(
+        of.joints, ~np.isin(np.arange(len(of.joints.kind)), np.flatnonzero(of.joints.kind == 1)[:6])
+    )
     assert np.isnan(stiffness(of._replace(choice=slides)).K_uu).all()
 
 
@@ -96,10 +116,15 @@ def test_stiffness_does_not_depend_on_the_dependent_joints(generic, error, numbe
     reference = stiffness(of).K_uu
     by_elimination = of._replace(choice=rank_revealing(of.frames, of.joints, of.springs))
     assert error(stiffness(by_elimination).K_uu, reference) < SERIAL
-    rng, tried = np.random.default_rng(2), 0
+    rng = np.random.default_rng(2)
+    tried = 0
     while tried < 5:
         dependent = rng.choice(len(of.joints.kind), 6, replace=False)
-        K = stiffness(of._replace(choice=chosen(of.joints, ~np.isin(np.arange(len(of.joints.kind)), dependent)))).K_uu
+        K = stiffness(
+            of._replace(
+                choice=chosen(of.joints, ~np.isin(np.arange(len(of.joints.kind)), dependent))
+            )
+        ).K_uu
         if np.isfinite(K).all():
             assert error(K, reference) < 1e-7  # random choices may be badly conditioned
             tried += 1
@@ -107,8 +132,10 @@ def test_stiffness_does_not_depend_on_the_dependent_joints(generic, error, numbe
 
 def test_joint_stiffness_is_the_slope_of_the_effective_load(generic, table, error) -> None:
     """(14), (15): K_aa = -dT_a/dphi_a at any closed configuration and load, in equilibrium or not."""
-    of, load = mechanism(*generic(52), table), np.array([3.1, -2.2, 45.0])
-    rng, h = np.random.default_rng(7), 1e-4
+    of = mechanism(*generic(52), table)
+    load = np.array([3.1, -2.2, 45.0])
+    rng = np.random.default_rng(7)
+    h = 1e-4
     phi = close_loops(of, rng.uniform(-0.02, 0.02, of.springs.shape))
 
     def T_a(shift):
@@ -118,20 +145,29 @@ def test_joint_stiffness_is_the_slope_of_the_effective_load(generic, table, erro
     steps = h * np.eye(len(phi))[of.choice.independent]
     slope = (8.0 * (T_a(steps) - T_a(-steps)) - (T_a(2 * steps) - T_a(-2 * steps))).T / (12.0 * h)
     at = stiffness(of, phi, load)
-    np.testing.assert_allclose(at.K_aa, -slope, rtol=0, atol=1e-7 * np.max(np.abs(at.K_aa)))  # truncation h^4
+    np.testing.assert_allclose(
+        at.K_aa, -slope, rtol=0, atol=1e-7 * np.max(np.abs(at.K_aa))
+    )  # truncation h^4
     assert error(at.K_aa, stiffness(of).K_aa) > 1e-3  # the second-order terms matter here
     scale = np.sqrt(np.abs(np.diagonal(at.K_aa)))
-    np.testing.assert_allclose(scale[:, None] * at.C_aa @ at.K_aa / scale, np.eye(len(scale)), atol=1e-8)
+    np.testing.assert_allclose(
+        scale[:, None] * at.C_aa @ at.K_aa / scale, np.eye(len(scale)), atol=1e-8
+    )
 
 
 def test_inverse_kinematics_stores_the_least_energy(generic, table) -> None:
-    """Any other motion with the same pose stores more (29), and the stored energy is the work of F_u = K_uu du."""
-    of, du = mechanism(*generic(49), table), np.array([0.031, -0.022, 7e-4])
+    """Any other motion with the same pose stores more (29), and the stored energy is the work of
+    F_u = K_uu du.
+    """
+    of = mechanism(*generic(49), table)
+    du = np.array([0.031, -0.022, 7e-4])
     at = stiffness(of)
     best = inverse_kinematics(of, at, du)
     energy = 0.5 * np.sum(of.springs * best.joints**2)
     assert energy == pytest.approx(0.5 * du @ (at.K_uu @ du), rel=DENSE)
-    free = np.linalg.svd(at.influence.G_u)[2][3:]  # motions of the independent joints that keep the pose
+    free = np.linalg.svd(at.influence.G_u)[2][
+        3:
+    ]  # motions of the independent joints that keep the pose
     for other in np.concatenate([free, -free]):
         size = 0.1 * np.linalg.norm(best.independent)
         joints = at.influence.G_a @ (best.independent + size * other)

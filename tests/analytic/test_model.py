@@ -64,12 +64,16 @@ def test_the_stages_own_hinges_decide_without_a_given_mobility(stage) -> None:
 
 
 def test_hinges_outside_the_range_of_the_formula_are_flagged_not_refused(stage) -> None:
-    found = analyse(stage, formula="smith-chetwynd")  # t/R 0.13 at the base hinges, its range begins at 0.2
+    found = analyse(
+        stage, formula="smith-chetwynd"
+    )  # t/R 0.13 at the base hinges, its range begins at 0.2
     assert in_range(lower(stage), "smith-chetwynd").tolist() == [[[False, True, True]] * 3]
     assert np.isfinite(found.stiffness).all() and in_range(lower(stage), "paros-weisbord").all()
 
 
-@pytest.mark.parametrize("asked", [{"mobility": 0}, {"mobility": 9}, {"mobility": 27}, {"formula": "nonsense"}])
+@pytest.mark.parametrize(
+    "asked", [{"mobility": 0}, {"mobility": 9}, {"mobility": 27}, {"formula": "nonsense"}]
+)
 def test_an_unknown_model_is_refused(stage, asked) -> None:
     with pytest.raises(BadInput, match=str(*asked.values())):
         analyse(stage, **asked)
@@ -84,11 +88,15 @@ def test_a_singular_stage_is_an_error_that_names_it(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("links", [False, True])
-def test_a_stage_without_an_answer_names_the_neck_that_is_too_thin_and_a_width_that_has_one(links) -> None:
+def test_a_stage_without_an_answer_names_the_neck_that_is_too_thin_and_a_width_that_has_one(
+    links,
+) -> None:
     """Not its configuration, which is that of the reference stage."""
     stage = load_stage(REFERENCE)
     thin = stage.replace(override={(2, "elbow"): {"neck": 1e-4}})
-    with pytest.raises(BadInput, match=r"override.2.elbow.neck_mm = 0.0001: .* expected >= \S+$") as refused:
+    with pytest.raises(
+        BadInput, match=r"override.2.elbow.neck_mm = 0.0001: .* expected >= \S+$"
+    ) as refused:
         analyse(thin, links=links)
     least = float(refused.value.reason.rpartition(" ")[2])
     assert 1e-4 < least < 0.01
@@ -96,10 +104,13 @@ def test_a_stage_without_an_answer_names_the_neck_that_is_too_thin_and_a_width_t
 
 
 def test_links_that_meet_in_the_centre_turn_freely_but_for_their_springs(tmp_path, error) -> None:
-    """With link 2 of every chain through the centre, base joints do not fix the others, and springs still hold it."""
+    """With link 2 of every chain through the centre, base joints do not fix the others, and springs
+    still hold it.
+    """
     path = tmp_path / "concurrent.toml"
     path.write_text(STAGE.format(l3=22.7, phi3=0.0))
     stage = load_stage(path)
-    of, K = assemble(stage, 3), analyse(stage, 3).stiffness
+    of = assemble(stage, 3)
+    K = analyse(stage, 3).stiffness
     assert error(stiffness(of).K_uu, K) < DENSE
     assert np.linalg.eigvalsh(K / np.sqrt(np.outer(np.diag(K), np.diag(K)))).min() > 0.1

@@ -1,4 +1,6 @@
-"""Internal forces in (16): against closed kinematics and energy, by hand, and against the loads of the platform."""
+"""Internal forces in (16): against closed kinematics and energy, by hand, and against the loads of
+the platform.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def unlike(stage):
     """The model of mobility six with hinges that all differ."""
     of = analyse(stage, 6)
     random = np.random.default_rng(7)
-    rotation, axial = (each * random.uniform(0.6, 1.7, (3, 3)) for each in (of.hinges.rotation, of.hinges.axial))
+    rotation, axial = (
+        each * random.uniform(0.6, 1.7, (3, 3)) for each in (of.hinges.rotation, of.hinges.axial)
+    )
     return of._replace(hinges=Compliance(rotation, 40 * axial, of.hinges.shear))
 
 
@@ -57,17 +61,22 @@ def stacks_of(stage):
 
 
 def chain_energy(stage, hinges, chain, pose, slide, follows):
-    """Energy of the springs of a chain, and the openings of its stacks: elbow by two circles, no joint Jacobians."""
+    """Energy of the springs of a chain, and the openings of its stacks: elbow by two circles, no
+    joint Jacobians.
+    """
     frames = stage_frames(stage)
     base, elbow, end = (complex(*point) for point in frames.centres[chain])
-    spin, along = np.exp(2j * np.pi / 3 * chain), np.exp(1j * frames.axes[chain, 0])
+    spin = np.exp(2j * np.pi / 3 * chain)
+    along = np.exp(1j * frames.axes[chain, 0])
     moved = complex(*pose[:2]) + end * np.exp(1j * pose[2])
-    first, second = elbow - base + slide * along, abs(end - elbow)
+    first = elbow - base + slide * along
+    second = abs(end - elbow)
     reach = abs(moved - base)
     corner = np.arccos((abs(first) ** 2 + reach**2 - second**2) / (2 * abs(first) * reach))
     side = np.sign(((elbow - base) * np.conj(end - base)).imag)
     at = base + abs(first) * (moved - base) / reach * np.exp(1j * side * corner)
-    one, two = np.angle((at - base) / first), np.angle((moved - at) / (end - elbow))
+    one = np.angle((at - base) / first)
+    two = np.angle((moved - at) / (end - elbow))
     turns = np.array([one, two - one, pose[2] - two])
     energy = np.sum(turns**2 / hinges.rotation[chain]) / 2 + slide**2 / hinges.axial[chain, 0] / 2
     put = (
@@ -79,16 +88,23 @@ def chain_energy(stage, hinges, chain, pose, slide, follows):
     openings = {}
     for j, (where, carrier, pushed, contact, direction, ball, _) in enumerate(PLACES):
         if where == chain:
-            p, n = contact * spin, np.exp(1j * direction) * spin
+            p = contact * spin
+            n = np.exp(1j * direction) * spin
             body, pivot = (pushed, p - ball * n) if follows == "pushed" else (carrier, p)
             d = put[body](p + n) - put[body](p)
-            openings[j] = ((put[pushed](p if follows == "pushed" else pivot) - put[carrier](pivot)) * np.conj(d)).real
+            openings[j] = (
+                (put[pushed](p if follows == "pushed" else pivot) - put[carrier](pivot))
+                * np.conj(d)
+            ).real
     return energy, openings
 
 
 def reduced(stage, hinges, pose, follows, stiff, held=None):
-    """Least potential of springs and stacks at a pose, and the openings there; stacks have their force at `held`."""
-    total, found = 0.0, np.zeros(len(PLACES))
+    """Least potential of springs and stacks at a pose, and the openings there; stacks have their
+    force at `held`.
+    """
+    total = 0.0
+    found = np.zeros(len(PLACES))
     for chain in range(3):
 
         def potential(slide, chain=chain):
@@ -98,7 +114,8 @@ def reduced(stage, hinges, pose, follows, stiff, held=None):
                 energy += 0 if held is None else stiff[j] * (opening - held[j]) ** 2 / 2
             return energy
 
-        best, step = 0.0, 1e-4
+        best = 0.0
+        step = 1e-4
         for _ in range(5):
             below, here, above = (potential(best + k * step) for k in (-1, 0, 1))
             best -= step / 2 * (above - below) / (above - 2 * here + below)
@@ -110,8 +127,12 @@ def reduced(stage, hinges, pose, follows, stiff, held=None):
 
 @pytest.mark.parametrize("stiff", [SPRINGS, 0 * SPRINGS], ids=["engaged", "constant forces"])
 @pytest.mark.parametrize("follows", FOLLOWS)
-def test_exact_equilibrium_and_tangent_are_those_of_the_energy_in_closed_form(stage, follows, stiff):
-    """Single stacks of unlike forces between all kinds of bodies: necks are loaded and the stage has moved."""
+def test_exact_equilibrium_and_tangent_are_those_of_the_energy_in_closed_form(
+    stage, follows, stiff
+):
+    """Single stacks of unlike forces between all kinds of bodies: necks are loaded and the stage
+    has moved.
+    """
     of = unlike(stage)
     force = np.array([place[-1] for place in PLACES])
     found = loaded(serial(stage, of, stacks_of(stage), follows), force, LOAD)
@@ -120,15 +141,25 @@ def test_exact_equilibrium_and_tangent_are_those_of_the_energy_in_closed_form(st
     step = np.array([2e-4, 2e-4, 1e-5])
 
     def at(*signs):
-        return reduced(stage, of.hinges, found.pose + step * np.array(signs), follows, stiff, held)[0]
+        return reduced(stage, of.hinges, found.pose + step * np.array(signs), follows, stiff, held)[
+            0
+        ]
 
     eye = np.eye(3, dtype=int)
     slope = [(at(*e) - at(*-e)) / (2 * h) for e, h in zip(eye, step, strict=True)]
     np.testing.assert_allclose(slope, LOAD, rtol=1e-5)
     both = list(zip(eye, step, strict=True))
-    K = [[(at(*(e + f)) - at(*(e - f)) - at(*(f - e)) + at(*(-e - f))) / (4 * g * h) for f, h in both] for e, g in both]
+    K = [
+        [
+            (at(*(e + f)) - at(*(e - f)) - at(*(f - e)) + at(*(-e - f))) / (4 * g * h)
+            for f, h in both
+        ]
+        for e, g in both
+    ]
     size = np.sqrt(np.diag(K))
-    np.testing.assert_allclose(found.stiffness(stiff) / np.outer(size, size), K / np.outer(size, size), atol=2e-6)
+    np.testing.assert_allclose(
+        found.stiffness(stiff) / np.outer(size, size), K / np.outer(size, size), atol=2e-6
+    )
 
 
 def test_platform_loads_alone_give_16(stage):
@@ -154,15 +185,20 @@ def springs(of):
 )
 def test_without_forces_it_is_the_stage_with_its_drive_engaged_and_disengaged(name, choice):
     stage = load_stage(GEOMETRY / f"{name}.toml")
-    drive, one = drive_of(stage), commanding(ModelChoice(stage, *choice))
+    drive = drive_of(stage)
+    one = commanding(ModelChoice(stage, *choice))
     found = loaded(serial(stage, one.result, drive.stacks, "pushed"), np.zeros(12), np.zeros(3))
     np.testing.assert_array_equal(found.pose, 0.0)
-    for stiff, C in ((drive.stiffness, one.system.engaged), (0 * drive.stiffness, one.system.C[:3, :3])):
+    for stiff, C in (
+        (drive.stiffness, one.system.engaged),
+        (0 * drive.stiffness, one.system.C[:3, :3]),
+    ):
         np.testing.assert_allclose(found.stiffness(stiff) @ C, np.eye(3), atol=1e-8)
 
 
 def test_forces_beyond_buckling_are_refused_or_called_unstable(stage):
-    of, drive = analyse(stage, 6), drive_of(stage)
+    of = analyse(stage, 6)
+    drive = drive_of(stage)
     serially = serial(stage, of, drive.stacks, "carrier")
     assert loaded(serially, 400 + 0 * drive.preload, np.zeros(3)).stable(0 * drive.stiffness)
     assert not loaded(serially, 2000 + 0 * drive.preload, np.zeros(3)).stable(0 * drive.stiffness)

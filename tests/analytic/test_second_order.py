@@ -1,4 +1,6 @@
-"""The second-order terms of (16): nothing at rest, a third of every first-order change, and only together a number."""
+"""The second-order terms of (16): nothing at rest, a third of every first-order change, and only
+together a number.
+"""
 
 from __future__ import annotations
 
@@ -26,19 +28,23 @@ def of(generic, table):
 
 
 def test_the_tangent_is_the_slope_of_the_exact_load(of) -> None:
-    found, steps = tangents(of, POSE), np.diag(1e-3 * POSE)
+    found = tangents(of, POSE)
+    steps = np.diag(1e-3 * POSE)
     for axis, (ahead, behind) in enumerate(
         zip(at_pose(of, POSE + steps).load, at_pose(of, POSE - steps).load, strict=True)
     ):
         slope = (ahead - behind) / (2e-3 * POSE[axis])
-        np.testing.assert_allclose(found["tangent"][:, axis], slope, atol=DIFFERENCE * np.abs(slope).max())
+        np.testing.assert_allclose(
+            found["tangent"][:, axis], slope, atol=DIFFERENCE * np.abs(slope).max()
+        )
         assert np.abs(found["without"][:, axis] - slope).max() > 1e-4 * np.abs(slope).max()
 
 
 @pytest.mark.parametrize("axis", range(3))
 def test_the_tangent_summed_along_the_way_is_the_exact_load(of, axis) -> None:
     commanded = np.abs(POSE[axis]) * np.linspace(-1, 1, 21)
-    exact, found = at_pose(of, axis_poses(commanded, axis)).load, summed_loads(of, commanded, axis)
+    exact = at_pose(of, axis_poses(commanded, axis)).load
+    found = summed_loads(of, commanded, axis)
     scale = np.abs(exact).max(axis=0)
     np.testing.assert_allclose(found["tangent"] / scale, exact / scale, atol=SUM)
     assert np.abs((found["without"] - exact) / scale).max() > 1e-4
@@ -46,21 +52,28 @@ def test_the_tangent_summed_along_the_way_is_the_exact_load(of, axis) -> None:
 
 
 def test_the_terms_are_a_third_of_the_first_order_change_whatever_the_stage(of) -> None:
-    """The energy of third order is `k phi_1 phi_2 u^3` with joints `phi = phi_1 u + phi_2 u^2`: its second derivative
-    is 6, `(d phi/du)^2 k` alone 4 of the same."""
-    rest, steps = stiffness(of).K_uu.diagonal(), np.diag(1e-3 * POSE)
-    ahead, behind = tangents(of, steps), tangents(of, -steps)
+    """The energy of third order is `k phi_1 phi_2 u^3` with joints `phi = phi_1 u + phi_2 u^2`: its
+    second derivative is 6, `(d phi/du)^2 k` alone 4 of the same."""
+    rest = stiffness(of).K_uu.diagonal()
+    steps = np.diag(1e-3 * POSE)
+    ahead = tangents(of, steps)
+    behind = tangents(of, -steps)
     axis = np.arange(3)
-    tangent, without = ((ahead[name] - behind[name])[axis, axis, axis] / rest for name in ("tangent", "without"))
+    tangent, without = (
+        (ahead[name] - behind[name])[axis, axis, axis] / rest for name in ("tangent", "without")
+    )
     assert np.all(np.abs(tangent) > 1e-7)
     np.testing.assert_allclose(without / tangent, 2 / 3, atol=5e-8)
 
 
-def test_both_terms_together_do_not_depend_on_the_independent_joints_and_each_alone_does(generic) -> None:
+def test_both_terms_together_do_not_depend_on_the_independent_joints_and_each_alone_does(
+    generic,
+) -> None:
     of = mechanism(*generic(82), FREEDOMS_BY_MOBILITY[6])
     other = of._replace(choice=rank_revealing(of.frames, of.joints, of.springs))
     assert other.choice.independent.tolist() != of.choice.independent.tolist()
-    found, alone = [], []
+    found = []
+    alone = []
     for each in (of, other):
         found.append(tangents(each, POSE))
         exact = at_pose(each, POSE)

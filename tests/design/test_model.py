@@ -19,7 +19,9 @@ SOFTEST = best("minimise", "kxx_n_per_mm")
 
 def test_mass_is_area_times_thickness_times_density(load):
     found = Model(load(NECK, RADIUS, best("minimise", "mass_kg"))).evaluate(BASE)[:, 0]
-    assert found[0] == pytest.approx(0.0892, abs=5e-5)  # as `flexfem modes` says of the reference stage
+    assert found[0] == pytest.approx(
+        0.0892, abs=5e-5
+    )  # as `flexfem modes` says of the reference stage
     assert found[1] != found[0]
 
 
@@ -29,17 +31,27 @@ def test_what_cannot_be_drawn_has_no_mass_and_says_why(load, monkeypatch):
 
     monkeypatch.setattr(design_model, "drawn_inertia", refused)
     model = Model(load(NECK, RADIUS, best("minimise", "mass_kg")))
-    assert model.columns(BASE)[1].tolist() == ["links overlap"] * 2 and np.isnan(model.evaluate(BASE)).all()
+    assert (
+        model.columns(BASE)[1].tolist() == ["links overlap"] * 2
+        and np.isnan(model.evaluate(BASE)).all()
+    )
 
 
 def test_errors_along_each_direction_are_of_the_whole_stiffness_of_a_stage_without_symmetry(load):
-    """What a force of the paper's model moves the stage by, along x, y, theta, less the unit that was commanded."""
+    """What a force of the paper's model moves the stage by, along x, y, theta, less the unit that
+    was commanded.
+    """
     wide = '[[free]]\nlabel = "one neck"\nkey = "override.1.elbow.neck_mm"\nfrom = 0.5\nto = 1.2\n'
     stage = flexfem.load(REFERENCE).replace(override={(1, "elbow"): {"neck": 1.0}})
-    models = flexfem.analyse(stage, formula="paros-weisbord"), flexfem.analyse(stage, 21, "calibrated")
+    models = (
+        flexfem.analyse(stage, formula="paros-weisbord"),
+        flexfem.analyse(stage, 21, "calibrated"),
+    )
     paper, calibrated = (model.stiffness for model in models)
     expected = 100 * (np.diag(np.linalg.solve(calibrated, paper)) - 1)
-    for name, error in zip(("error_x_percent", "error_y_percent", "error_theta_percent"), expected, strict=True):
+    for name, error in zip(
+        ("error_x_percent", "error_y_percent", "error_theta_percent"), expected, strict=True
+    ):
         found = Model(load(wide, best("minimise", name))).evaluate(np.array([[1.0]]))
         assert found[0, 0] == pytest.approx(error, rel=1e-6)
     assert abs(expected[0] - expected[1]) > 0.05
@@ -47,7 +59,9 @@ def test_errors_along_each_direction_are_of_the_whole_stiffness_of_a_stage_witho
 
 def test_a_derived_output_is_corrected_through_the_columns_that_it_uses(load):
     output = '[[output]]\nname = "both"\nexpression = "kxx_n_per_mm + kyy_n_per_mm"\n'
-    loaded = load(NECK, RADIUS, output, best("maximise", "both ** 2"), best("maximise", "kyy_n_per_mm"))
+    loaded = load(
+        NECK, RADIUS, output, best("maximise", "both ** 2"), best("maximise", "kyy_n_per_mm")
+    )
     plain = Model(loaded).evaluate(BASE)
     found = Model(loaded, corrections={"kyy_n_per_mm": Correction(1.5, -4.0)}).evaluate(BASE)
     kyy = plain[:, 1]
@@ -79,7 +93,13 @@ def test_an_objective_goes_the_way_that_is_asked_and_a_miss_is_worse_than_any_va
 
 
 @pytest.mark.parametrize(("high", "ends"), [(10.0, (7.5, 9.5)), (7.2, (7.09, 7.11))])
-def test_a_guard_moves_each_end_inward_by_its_part_of_the_size_as_far_as_there_is_room(load, high, ends):
-    model = Model(load(THICKNESS, require("thickness_mm", 7.0, high), STIFFEST), guard=np.array([0.0, 0.05]))
-    low, high = (model.both_margins(np.array([[0.0, end]]))[side][0, 1] for side, end in enumerate(ends))
+def test_a_guard_moves_each_end_inward_by_its_part_of_the_size_as_far_as_there_is_room(
+    load, high, ends
+):
+    model = Model(
+        load(THICKNESS, require("thickness_mm", 7.0, high), STIFFEST), guard=np.array([0.0, 0.05])
+    )
+    low, high = (
+        model.both_margins(np.array([[0.0, end]]))[side][0, 1] for side, end in enumerate(ends)
+    )
     assert [low, high] == pytest.approx([0.0, 0.0], abs=1e-12)

@@ -17,14 +17,27 @@ from flexfem.design.search import BestDesign
 from flexfem.refused import ComputationFailed
 from flexfem.study.workers import Failure
 
-from .conftest import HEAD, NECK, RADIUS, RANGE, REFERENCE, STEPPED, STIFFEST, best, require, tolerance
+from .conftest import (
+    HEAD,
+    NECK,
+    RADIUS,
+    RANGE,
+    REFERENCE,
+    STEPPED,
+    STIFFEST,
+    best,
+    require,
+    tolerance,
+)
 
 OWN = np.array([0.55, 2.0])
 
 
 @pytest.fixture
 def solved(monkeypatch):
-    """Studies and stages that are solved in this process; every output is the resolution of the mesh."""
+    """Studies and stages that are solved in this process; every output is the resolution of the
+    mesh.
+    """
     found = []
 
     def solve(study, stage):
@@ -36,16 +49,33 @@ def solved(monkeypatch):
 
 
 def test_a_design_is_solved_on_three_meshes_up_to_the_resolution_coarse_to_fine(load, solved):
-    loaded = load(NECK, RADIUS, require("error_x_percent", None, 20), STIFFEST, head=HEAD + "resolution = 13\n")
+    loaded = load(
+        NECK,
+        RADIUS,
+        require("error_x_percent", None, 20),
+        STIFFEST,
+        head=HEAD + "resolution = 13\n",
+    )
     found = ElementSolver(loaded, Counter()).solve(OWN)
-    assert [columns["kxx_n_per_mm"] for columns in found] == [7.0, 10.0, 13.0] and "error_x_percent" in found[0]
+    assert [columns["kxx_n_per_mm"] for columns in found] == [
+        7.0,
+        10.0,
+        13.0,
+    ] and "error_x_percent" in found[0]
     for study, stage in solved:
-        assert (stage.hinges.elbow.neck, stage.hinges.platform.radius, stage.hinges.base.radius) == (0.55, 2.0, 4.0)
+        assert (
+            stage.hinges.elbow.neck,
+            stage.hinges.platform.radius,
+            stage.hinges.base.radius,
+        ) == (0.55, 2.0, 4.0)
         assert (study.model, study.formula, study.mobility) == ("verify", "paros-weisbord", None)
 
 
-def test_a_stage_corrected_for_its_thickness_is_solved_as_it_is_on_two_meshes(load, solved, tmp_path):
-    base, counts = tmp_path / "base.toml", Counter()
+def test_a_stage_corrected_for_its_thickness_is_solved_as_it_is_on_two_meshes(
+    load, solved, tmp_path
+):
+    base = tmp_path / "base.toml"
+    counts = Counter()
     base.write_text('model = "corrected"\n' + REFERENCE.read_text())
     loaded = load(NECK, RADIUS, STIFFEST, head=HEAD.replace(str(REFERENCE), base.name))
     ElementSolver(loaded, counts).solve(OWN)
@@ -67,29 +97,45 @@ class InOrder:
 def test_what_is_known_is_neither_solved_nor_counted_again(load, solved, parallel):
     counts = Counter()
     proposed = ElementSolver(load(NECK, RADIUS, STIFFEST), counts, InOrder() if parallel else None)
-    first, again = proposed.solve(OWN), proposed.solve(OWN)
+    first = proposed.solve(OWN)
+    again = proposed.solve(OWN)
     assert first == again and len(solved) == 3 and counts == {"finite elements": 3}
     proposed.solve(OWN + 0.01)
     assert len(solved) == 6 and counts == {"finite elements": 6}
 
 
-def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_xt_yt(load, monkeypatch):
+def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_xt_yt(
+    load, monkeypatch
+):
     loaded = load(NECK, RADIUS, tolerance(checked=8), best("minimise", "coupling_95"))
     off = np.random.default_rng(2).normal(scale=0.01, size=(2, 3, 3))
-    names = {"coupling_xy": (1, "elbow"), "coupling_xt": (2, "platform"), "coupling_yt": (3, "base")}
+    names = {
+        "coupling_xy": (1, "elbow"),
+        "coupling_xt": (2, "platform"),
+        "coupling_yt": (3, "base"),
+    }
 
     def solve(study, stage):
-        return [stage.hinge(*names[n]).neck if n in names else study.study.resolution for n in study.outputs]
+        return [
+            stage.hinge(*names[n]).neck if n in names else study.study.resolution
+            for n in study.outputs
+        ]
 
     monkeypatch.setattr(module, "solved", solve)
     coarse, fine = ElementSolver(loaded, Counter()).solve_scattered(OWN, off)
     assert np.array_equal(coarse, fine)
-    assert pytest.approx(np.array([[0.55, 0.55, 0.5] + each[[0, 1, 2], [1, 2, 0]] for each in off])) == coarse.T
+    assert (
+        pytest.approx(np.array([[0.55, 0.55, 0.5] + each[[0, 1, 2], [1, 2, 0]] for each in off]))
+        == coarse.T
+    )
 
 
 def test_a_solution_that_fails_says_why_and_is_not_kept(load, monkeypatch):
     proposed = ElementSolver(load(NECK, RADIUS, STIFFEST), Counter())
-    with monkeypatch.context() as patched, pytest.raises(ComputationFailed, match="proposed design: the mesh folds"):
+    with (
+        monkeypatch.context() as patched,
+        pytest.raises(ComputationFailed, match="proposed design: the mesh folds"),
+    ):
         patched.setattr(module, "solved", lambda *task: Failure("failed", "the mesh folds"))
         proposed.solve(OWN)
     monkeypatch.setattr(module, "solved", lambda study, stage: [4.0] * len(study.outputs))
@@ -97,7 +143,8 @@ def test_a_solution_that_fails_says_why_and_is_not_kept(load, monkeypatch):
 
 
 def test_a_kept_solution_is_read_again_and_a_torn_file_is_not(load, solved, tmp_path):
-    loaded, folder = load(NECK, RADIUS, STIFFEST), tmp_path / "found"
+    loaded = load(NECK, RADIUS, STIFFEST)
+    folder = tmp_path / "found"
     first = ElementSolver(loaded, Counter(), folder=folder).solve(OWN)
     again = ElementSolver(loaded, Counter(), folder=folder)
     assert again.solve(OWN) == first and len(solved) == 3 and again.counts == {"finite elements": 3}
@@ -108,14 +155,21 @@ def test_a_kept_solution_is_read_again_and_a_torn_file_is_not(load, solved, tmp_
 
 def proof_of(model, values, gap, stiffness, band):
     """Of 400 um and a stiffness whose band is known; the model is corrected by 0.9."""
-    fields = {"values": values, "gap": gap, "elements": np.array([400.0, stiffness]), "bands": np.array([7.0, band])}
+    fields = {
+        "values": values,
+        "gap": gap,
+        "elements": np.array([400.0, stiffness]),
+        "bands": np.array([7.0, band]),
+    }
     fields |= {"model": replace(model, corrections={"kxx_n_per_mm": Correction(0.9)})}
     return Proof(**(dict.fromkeys(Proof._fields) | fields))
 
 
 @pytest.fixture
 def loop(load, monkeypatch):
-    """What runs the loop over proofs (gap, stiffness, band), the last again and again: rounds, agreed, and starts."""
+    """What runs the loop over proofs (gap, stiffness, band), the last again and again: rounds,
+    agreed, and starts.
+    """
 
     def run(free, proofs, merit=-400.0):
         starts = []
@@ -126,15 +180,23 @@ def loop(load, monkeypatch):
 
         each = iter([*proofs, *[proofs[-1]] * 10])
         monkeypatch.setattr(module, "optimum", optimum)
-        monkeypatch.setattr(module, "proof", lambda model, elements, values: proof_of(model, values, *next(each)))
-        loaded = load(free, require("kxx_n_per_mm", 60.0, 80.0), RANGE, head=HEAD + "accuracy_percent = 0.4\n")
+        monkeypatch.setattr(
+            module, "proof", lambda model, elements, values: proof_of(model, values, *next(each))
+        )
+        loaded = load(
+            free, require("kxx_n_per_mm", 60.0, 80.0), RANGE, head=HEAD + "accuracy_percent = 0.4\n"
+        )
         return *space_mapping(Model(loaded), None), starts
 
     return run
 
 
-def test_ends_are_tightened_by_the_largest_band_so_far_over_their_size_and_without_steps_by_the_accuracy(loop):
-    """The end of 80 N/mm is the size of both: a band of 0.32 is 0.4 % of it. Near the answer all is not searched."""
+def test_ends_are_tightened_by_the_largest_band_so_far_over_their_size_and_without_steps_by_the_accuracy(
+    loop,
+):
+    """The end of 80 N/mm is the size of both: a band of 0.32 is 0.4 % of it. Near the answer all is
+    not searched.
+    """
     proofs = [(0.1, 59.0, 0.32), (0.008, 61.0, 0.16), (0.001, 61.0, 0.16)]
     for free, guard in ((STEPPED[0], 0.004), (NECK, 0.008)):
         rounds, agreed, starts = loop(free, proofs)
@@ -142,7 +204,10 @@ def test_ends_are_tightened_by_the_largest_band_so_far_over_their_size_and_witho
         assert guards == pytest.approx([0, 0, 0, guard, 0, guard]) and agreed
         corrections = [each.proposing.corrections for each in rounds]
         assert corrections == [{}, *[{"kxx_n_per_mm": Correction(0.9)}] * 2]
-        assert starts == [(None, True), ([0.51], True), ([0.52], False)] and rounds[-1].proof.gap == 0.001
+        assert (
+            starts == [(None, True), ([0.51], True), ([0.52], False)]
+            and rounds[-1].proof.gap == 0.001
+        )
 
 
 @pytest.mark.parametrize(
@@ -162,15 +227,31 @@ def test_a_design_is_proven_when_both_models_agree_and_each_band_is_within_the_e
     assert len(found) == rounds and agreed is (rounds == 1)
 
 
-COLUMNS = {"kxx_n_per_mm", "range_x_um", "engaged_kxx_n_per_mm", "drift_x_um_per_k", "frequency_1_hz", "coupling_95"}
+COLUMNS = {
+    "kxx_n_per_mm",
+    "range_x_um",
+    "engaged_kxx_n_per_mm",
+    "drift_x_um_per_k",
+    "frequency_1_hz",
+    "coupling_95",
+}
 
 
 @pytest.mark.parametrize(
     ("solid", "checked", "alone"),
-    [(False, 8, set()), (False, 0, {"coupling_95"}), (True, 8, COLUMNS - {"kxx_n_per_mm", "range_x_um"})],
+    [
+        (False, 8, set()),
+        (False, 0, {"coupling_95"}),
+        (True, 8, COLUMNS - {"kxx_n_per_mm", "range_x_um"}),
+    ],
 )
 def test_what_finite_elements_do_not_answer_rests_on_the_model_alone(load, solid, checked, alone):
-    pieces = "[drive]\nactuators = true\n", "[drift]\n", "[frequencies]\n", best("minimise", "coupling_95")
+    pieces = (
+        "[drive]\nactuators = true\n",
+        "[drift]\n",
+        "[frequencies]\n",
+        best("minimise", "coupling_95"),
+    )
     of = load(NECK, tolerance(checked=checked), *pieces).requirements
     loaded = SimpleNamespace(requirements=of, solid=solid)
     by = {name: checked_by(loaded, frozenset({name, "thickness_mm"})) for name in COLUMNS}
@@ -181,19 +262,25 @@ def test_what_finite_elements_do_not_answer_rests_on_the_model_alone(load, solid
 
 
 def test_a_band_follows_the_unit_in_which_a_quantity_is_asked(load, solved):
-    loaded = load(NECK, require("kxx_n_per_mm / 1e9", 1e-7), best("minimise", "1 / kxx_n_per_mm"), STIFFEST)
+    loaded = load(
+        NECK, require("kxx_n_per_mm / 1e9", 1e-7), best("minimise", "1 / kxx_n_per_mm"), STIFFEST
+    )
     of = proof(Model(loaded), ElementSolver(loaded, Counter()), OWN[:1])
     inverse, stiffness, small = of.bands / of.elements
     assert small == pytest.approx(stiffness) and inverse > 0 and of.round_off.tolist() == [0, 0, 0]
 
 
-CORNER, STRESS = 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4), 3 * 0.001 / ((4 / 3) ** 3 - 1)
+CORNER = 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4)
+STRESS = 3 * 0.001 / ((4 / 3) ** 3 - 1)
 
 
 @pytest.mark.parametrize(
     ("name", "band"),
     [
-        ("kxx_n_per_mm", 1.25 * 0.001 / ((4 / 3) ** 2.13553 - 1)),  # 1 / 4^2.1355 - 1 / 6^2.1355 is thrice the next
+        (
+            "kxx_n_per_mm",
+            1.25 * 0.001 / ((4 / 3) ** 2.13553 - 1),
+        ),  # 1 / 4^2.1355 - 1 / 6^2.1355 is thrice the next
         ("range_x_um", STRESS),
         ("life_cycles", STRESS),
         ("drift_x_um_per_k", CORNER),

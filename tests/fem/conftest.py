@@ -1,4 +1,6 @@
-"""Small meshes, made once a session: gmsh starts in a process of its own, which takes longer than most solutions."""
+"""Small meshes, made once a session: gmsh starts in a process of its own, which takes longer than
+most solutions.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from flexfem.mechanism.stage import Stage, load_stage
 from ..conftest import UNLIKE, with_changes
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
-RESOLUTION = 3  # triangles across a neck: within 0.5 % of the converged compliance, and a mesh takes 0.3 s
+RESOLUTION = (
+    3  # triangles across a neck: within 0.5 % of the converged compliance, and a mesh takes 0.3 s
+)
 
 
 class Solved(NamedTuple):
@@ -59,5 +63,7 @@ def reference(request):
 
 def bar(length, height, columns, rows):
     """A bar along x that ends at the origin: `ground` at its left end, `hub` at its right end."""
-    mesh = mapped(columns, rows, lambda u, v: np.stack([length * (u - 1), height * (v - 0.5)], axis=-1))
+    mesh = mapped(
+        columns, rows, lambda u, v: np.stack([length * (u - 1), height * (v - 0.5)], axis=-1)
+    )
     return mesh._replace(edges={"ground": mesh.edges["left"], "hub": mesh.edges["right"]})

@@ -16,11 +16,17 @@ from flexfem.refused import ComputationFailed
 ROUND_OFF = 1e-10  # condition number of the sample times round-off, with room
 NEEDS_CHOLMOD = pytest.mark.skipif(find_spec("cvxopt") is None, reason="cvxopt is optional")
 NEEDS_PARDISO = pytest.mark.skipif(find_spec("pypardiso") is None, reason="pypardiso is optional")
-ALL = [pytest.param(factorise, marks=NEEDS_CHOLMOD), superlu, pytest.param(pardiso, marks=NEEDS_PARDISO)]
+ALL = [
+    pytest.param(factorise, marks=NEEDS_CHOLMOD),
+    superlu,
+    pytest.param(pardiso, marks=NEEDS_PARDISO),
+]
 
 
 def sample(stiffness_of_last=1.0):
-    """A chain of forty unlike springs, held at its first end, its last free end held by one more spring."""
+    """A chain of forty unlike springs, held at its first end, its last free end held by one more
+    spring.
+    """
     k = np.random.default_rng(29).uniform(0.5, 2.0, 41)
     return sp.diags_array(
         [np.append(k[:-1] + k[1:], k[-1] + stiffness_of_last), -k[1:], -k[1:]], offsets=[0, 1, -1]
@@ -43,18 +49,30 @@ def test_a_part_that_is_not_held_is_refused(method):
         method(sp.tril(K.tocsr()).tocsr())
 
 
-@pytest.mark.parametrize("installed", [pytest.param(True, marks=NEEDS_CHOLMOD), False], ids=["cholmod", "superlu"])
+@pytest.mark.parametrize(
+    "installed", [pytest.param(True, marks=NEEDS_CHOLMOD), False], ids=["cholmod", "superlu"]
+)
 def test_condensed_equations_are_those_of_the_whole(installed, monkeypatch):
     if not installed:
-        monkeypatch.setitem(sys.modules, "cvxopt", None)  # importing it fails, as where it is missing
+        monkeypatch.setitem(
+            sys.modules, "cvxopt", None
+        )  # importing it fails, as where it is missing
     rng = np.random.default_rng(7)
     A = rng.normal(size=(41, 41)) * (rng.uniform(size=(41, 41)) < 0.1)
-    K = A @ A.T + np.diag(rng.uniform(1.0, 2.0, 41)) + 0.1  # every unknown meets the boundary, none in its order
-    inner, b = 34, rng.normal(size=(41, 3))
-    for kind in (flexfem.fem.factor.SUPERNODAL, ()):  # the factor is read, and solved for every unknown of the boundary
+    K = (
+        A @ A.T + np.diag(rng.uniform(1.0, 2.0, 41)) + 0.1
+    )  # every unknown meets the boundary, none in its order
+    inner = 34
+    b = rng.normal(size=(41, 3))
+    for kind in (
+        flexfem.fem.factor.SUPERNODAL,
+        (),
+    ):  # the factor is read, and solved for every unknown of the boundary
         monkeypatch.setattr(flexfem.fem.factor, "SUPERNODAL", kind)
         found = condense(sp.csr_array(np.tril(K)), 7)
-        schur = K[inner:, inner:] - K[inner:, :inner] @ np.linalg.solve(K[:inner, :inner], K[:inner, inner:])
+        schur = K[inner:, inner:] - K[inner:, :inner] @ np.linalg.solve(
+            K[:inner, :inner], K[:inner, inner:]
+        )
         np.testing.assert_allclose(found.schur, schur, rtol=0, atol=ROUND_OFF)
         inside, left = found.reduced(b)
         expected = b[inner:] - K[inner:, :inner] @ np.linalg.solve(K[:inner, :inner], b[:inner])
@@ -65,7 +83,8 @@ def test_condensed_equations_are_those_of_the_whole(installed, monkeypatch):
 
 
 def test_a_dense_matrix_is_solved_and_refused_alike():
-    K, x = sample().toarray(), np.random.default_rng(3).normal(size=(41, 3))
+    K = sample().toarray()
+    x = np.random.default_rng(3).normal(size=(41, 3))
     np.testing.assert_allclose(dense(K)(K @ x), x, rtol=0, atol=ROUND_OFF)
     K[-1, :] = K[:, -1] = 0.0
     with pytest.raises(ComputationFailed, match="singular"):

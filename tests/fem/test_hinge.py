@@ -1,4 +1,6 @@
-"""Finite elements of one hinge between elastic blocks: what theory says of them, and what must not matter."""
+"""Finite elements of one hinge between elastic blocks: what theory says of them, and what must not
+matter.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ HINGES = [SingleHinge(0.04), SingleHinge(0.17, 1.6), SingleHinge(0.9, 2.7)]
 
 def quarter(hinge):
     """The outline that `hinge_mesh` maps a grid onto, written out anew."""
-    (high, length), notch = hinge.block, 1 + hinge.ratio / 2
+    high, length = hinge.block
+    notch = 1 + hinge.ratio / 2
     loop = [
         Segment(0j, 1 + length + 0j),
         Segment(1 + length + 0j, 1 + length + 0.5j * high),
@@ -37,7 +40,11 @@ def quarter(hinge):
         Segment(0.5j * hinge.ratio, 0j),
     ]
     labels = ["bottom", "right", "free", "free", "free", "left"]
-    kept = [(segment, label) for segment, label in zip(loop, labels, strict=True) if segment.length > 1e-12]
+    kept = [
+        (segment, label)
+        for segment, label in zip(loop, labels, strict=True)
+        if segment.length > 1e-12
+    ]
     return Face([segment for segment, _ in kept], [label for _, label in kept])
 
 
@@ -45,11 +52,15 @@ def quarter(hinge):
 def test_the_mesh_covers_the_drawn_hinge(hinge):
     mesh = hinge_mesh(hinge, 3)
     CHORDS = 5e-7  # a parabola is not quite an arc
-    assert np.sum(jacobians(mesh)[:, -1]) / 2 == pytest.approx(area(quarter(hinge).loop), rel=CHORDS)
+    assert np.sum(jacobians(mesh)[:, -1]) / 2 == pytest.approx(
+        area(quarter(hinge).loop), rel=CHORDS
+    )
     assert scaled_jacobians(jacobians(mesh)).min() > 0.5
     x, y = mesh.nodes[np.unique(mesh.edges["top"])].T
     on_arc = x < 1 - 1e-12
-    np.testing.assert_allclose(np.hypot(x[on_arc], y[on_arc] - 1 - hinge.ratio / 2), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(
+        np.hypot(x[on_arc], y[on_arc] - 1 - hinge.ratio / 2), 1.0, rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("hinge", HINGES)
@@ -58,7 +69,9 @@ def test_what_is_left_of_the_hinge_does_not_depend_on_the_length_of_its_blocks(h
     reference = sample(hinge, COARSE).values
     for length in (1.5, 3.1):
         found = sample(hinge._replace(length=length), COARSE).values
-        np.testing.assert_allclose(found, reference, rtol=MESH)  # exp(-2 * 4.2 * 1.5) = 3e-6 is less
+        np.testing.assert_allclose(
+            found, reference, rtol=MESH
+        )  # exp(-2 * 4.2 * 1.5) = 3e-6 is less
 
 
 @pytest.mark.parametrize("hinge", HINGES)
@@ -66,23 +79,31 @@ def test_poissons_ratio_acts_on_shear_alone_and_there_as_in_a_beam_of_the_blocks
     at_zero = sample(hinge, COARSE).values
     for nu in (0.2, NU, 0.4):
         law = at_zero + np.array([0.0, 0.0, 2 * 1.2 * nu * 2 / hinge.block[0]])
-        np.testing.assert_allclose(sample(hinge._replace(poissons_ratio=nu), COARSE).values, law, rtol=MESH)
+        np.testing.assert_allclose(
+            sample(hinge._replace(poissons_ratio=nu), COARSE).values, law, rtol=MESH
+        )
 
 
 def test_rotation_of_a_slender_neck_follows_the_slender_body_expansion():
-    """Above (2) by 2/5 t/R (derived in validate/holes.py): 0.800 % at t/R = 0.02, 0.8 % in the project's notes."""
+    """Above (2) by 2/5 t/R (derived in validate/holes.py): 0.800 % at t/R = 0.02, 0.8 % in the
+    project's notes.
+    """
     beta = 0.01
     q = 2 * beta + beta**2
     bend = 6 * (1 + beta) / q**1.5 * np.arctan(np.sqrt((2 + beta) / beta))
     beam = 1.5 / q * (1 / (1 + beta) + (3 + 2 * beta + beta**2) / ((1 + beta) * q) + bend)
     SECOND_ORDER = 4e-6  # (t/R)^2 is 4e-4, and its coefficient is small
-    assert sample(SingleHinge(0.02), COARSE).values[0] / beam - 1 == pytest.approx(0.008, abs=SECOND_ORDER)
+    assert sample(SingleHinge(0.02), COARSE).values[0] / beam - 1 == pytest.approx(
+        0.008, abs=SECOND_ORDER
+    )
 
 
 def test_a_wall_too_short_to_mesh_is_no_wall():
     full = compliance(SingleHinge(0.21), 2)
     for above in (1e-16, 1e-9, 1e-5):
-        assert compliance(SingleHinge(0.21, 1 + above), 2) == pytest.approx(full, rel=2 * above + SOLVED)
+        assert compliance(SingleHinge(0.21, 1 + above), 2) == pytest.approx(
+            full, rel=2 * above + SOLVED
+        )
 
 
 @pytest.mark.parametrize("hinge", HINGES)
@@ -90,9 +111,13 @@ def test_compliances_converge_with_order_four_to_a_limit_inside_the_band(hinge):
     levels = np.array([2, 4, 8])
     found = np.array([compliance(hinge, refinement) for refinement in levels])
     observed = np.log2((found[1] - found[0]) / (found[2] - found[1]))
-    assert np.all((observed > 3.2) & (observed < 4.3))  # the jumps of the outline's curvature cost something
+    assert np.all(
+        (observed > 3.2) & (observed < 4.3)
+    )  # the jumps of the outline's curvature cost something
     quick = sample(hinge, COARSE)
-    np.testing.assert_array_less(np.abs(quick.values / richardson(levels, found)[-1] - 1), 2 * quick.bands)
+    np.testing.assert_array_less(
+        np.abs(quick.values / richardson(levels, found)[-1] - 1), 2 * quick.bands
+    )
     for k in range(3):
         study = grid_convergence(levels, found[:, k])
         assert study.verdict == "converging"
@@ -101,12 +126,15 @@ def test_compliances_converge_with_order_four_to_a_limit_inside_the_band(hinge):
 
 @pytest.mark.parametrize("hinge", HINGES)
 def test_an_unstructured_mesh_of_gmsh_gives_the_same_compliances(hinge):
-    high, across = hinge.block[0], 8  # of half a neck
+    high = hinge.block[0]
+    across = 8  # of half a neck
     notch = notch_sizes(hinge.ratio, 1.0, 2 * across, 2 * across)
     mesh = meshed(quarter(hinge), [grading(0j, *size, high / 16, 2 * across) for size in notch])
     UNSTRUCTURED = 2e-4  # not extrapolated
     hinge = hinge._replace(poissons_ratio=NU)
-    np.testing.assert_allclose(compliance(hinge, 0, mesh), sample(hinge, COARSE).values, rtol=UNSTRUCTURED)
+    np.testing.assert_allclose(
+        compliance(hinge, 0, mesh), sample(hinge, COARSE).values, rtol=UNSTRUCTURED
+    )
 
 
 @pytest.mark.slow
@@ -120,7 +148,9 @@ def test_the_chart_is_made_the_same_whoever_makes_it_and_says_what_made_it(tmp_p
     assert np.shape(found["shear"]) == np.shape(found["bands"]["shear"]) == (2, 2)
 
 
-@pytest.mark.parametrize(("grid", "row", "column"), [(LOW, 6, 2), (HIGH, 4, 1)], ids=["low", "high"])
+@pytest.mark.parametrize(
+    ("grid", "row", "column"), [(LOW, 6, 2), (HIGH, 4, 1)], ids=["low", "high"]
+)
 def test_the_packaged_chart_can_be_made_anew(grid, row, column):
     """One sample of it at the full resolution, and the points it stands on."""
     found = json.loads(grid.path.read_text())
@@ -129,17 +159,22 @@ def test_the_packaged_chart_can_be_made_anew(grid, row, column):
         np.testing.assert_allclose(found[name], points, rtol=1e-7)
     made = sample(SingleHinge(found["t/R"][row], found["H/h"][column]))
     STORED = 5 * SOLVED  # eight digits, which another factorisation rounds to the next
-    np.testing.assert_allclose([found[name][row][column] for name in FREEDOMS], made.values, rtol=STORED)
+    np.testing.assert_allclose(
+        [found[name][row][column] for name in FREEDOMS], made.values, rtol=STORED
+    )
     for k, name in enumerate(FREEDOMS):
         bands = np.array(found["bands"][name])
         assert (
-            made.bands[k] == pytest.approx(bands[row, column], rel=0.1) and bands.max() == found["largest_band"][name]
+            made.bands[k] == pytest.approx(bands[row, column], rel=0.1)
+            and bands.max() == found["largest_band"][name]
         )
 
 
 @pytest.mark.parametrize("ratio", [0.13, 0.7])
 def test_high_blocks_add_the_logarithm_of_two_half_planes_to_a_force_and_nothing_to_a_moment(ratio):
-    """Flamant: 2 F ln(r) / (pi E b) at each of two surfaces; what is left is linear in h/H, and quadratic under M."""
+    """Flamant: 2 F ln(r) / (pi E b) at each of two surfaces; what is left is linear in h/H, and
+    quadratic under M.
+    """
     found = np.array([compliance(SingleHinge(ratio, height), 2) for height in (10.0, 20.0, 40.0)])
     first, second = np.diff(found, axis=0)
     grown = (2 * second - first)[1:] / np.log(2) / (4 / np.pi)

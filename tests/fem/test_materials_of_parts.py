@@ -1,4 +1,6 @@
-"""Parts of another material: series of bars, mass, yield, a bimetal strip and constrained expansion, by hand."""
+"""Parts of another material: series of bars, mass, yield, a bimetal strip and constrained
+expansion, by hand.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ from flexfem.refused import BadInput
 
 from ..tolerances import DENSE, SOLVED
 
-B, H = 5.0, 4.0  # thickness and height of strips, mm
+B = 5.0
+H = 4.0  # thickness and height of strips, mm
 SOFT = Constants(2e3, 0.0, 1.1e-9, 40.0, expansion=70e-6, name="soft")
 HARD = Constants(210e3, 0.0, 7.8e-9, 600.0, expansion=11e-6, name="hard")
 LARGE = 0.05  # of a range whose end is not quite linear
@@ -52,7 +55,9 @@ def strip(*materials, plate=SOFT):
 
 @pytest.mark.parametrize("layers", [None, mirrored(B, 2, H)], ids=["plane", "solid"])
 def test_bars_in_series_stretch_each_by_its_modulus(layers):
-    """Without contraction: L / (E A) of the leaf and L / (3 E A), the mean of a bar under a body force, of the body."""
+    """Without contraction: L / (E A) of the leaf and L / (3 E A), the mean of a bar under a body
+    force, of the body.
+    """
     layout = strip(SOFT, HARD)
     found = ports.plate_response(layout, mesh_layout(layout, 2), layers).compliance[0, 0]
     area = B * H
@@ -67,7 +72,9 @@ def with_own(layout):
     """The same plate whose parts all state its material."""
     own = layout.material_of(layout.bodies[0])
     bodies = tuple(body._replace(material=own) for body in layout.bodies)
-    return layout._replace(bodies=bodies, joints=tuple(joint._replace(material=own) for joint in layout.joints))
+    return layout._replace(
+        bodies=bodies, joints=tuple(joint._replace(material=own) for joint in layout.joints)
+    )
 
 
 @pytest.mark.parametrize("layers", [None, mirrored(B, 2, H)], ids=["plane", "solid"])
@@ -84,7 +91,8 @@ def test_parts_that_state_the_material_of_the_plate_change_nothing(layers):
     first, second = (ports.plate_modes(model, 3).frequencies for model in models)
     assert second == pytest.approx(first, rel=SOLVED)
     rates = np.full(3, 11e-6)
-    first, second = ports.warmed(models[0], 11e-6, 25e-6), ports.warmed(models[1], 11e-6, 25e-6, rates)
+    first = ports.warmed(models[0], 11e-6, 25e-6)
+    second = ports.warmed(models[1], 11e-6, 25e-6, rates)
     assert second.motions == pytest.approx(first.motions, rel=SOLVED, abs=1e-12)
     if layers is None:
         pushed = [driven(model, [1], np.array([[3.0]])).load for model in models]
@@ -94,12 +102,16 @@ def test_parts_that_state_the_material_of_the_plate_change_nothing(layers):
 
 
 def test_the_mass_of_a_body_is_that_of_its_material():
-    """A heavy body on a leaf without mass: four times the density, half the frequency, in both models."""
+    """A heavy body on a leaf without mass: four times the density, half the frequency, in both
+    models.
+    """
     light = HARD._replace(density=1e-15)
     frequencies = []
     for heavy in (HARD, HARD._replace(density=4 * HARD.density)):
         layout = strip(light, heavy)
-        of_elements = ports.plate_modes(ports.plate_model(layout, mesh_layout(layout, 1)), 1).frequencies[0]
+        of_elements = ports.plate_modes(
+            ports.plate_model(layout, mesh_layout(layout, 1)), 1
+        ).frequencies[0]
         frequencies.append((modes(layout)[0], of_elements))
     assert np.divide(*frequencies) == pytest.approx([2, 2], rel=1e-6)
     _, mass = inertia(strip(SOFT, HARD), lumped=True)
@@ -108,11 +120,12 @@ def test_the_mass_of_a_body_is_that_of_its_material():
 
 @pytest.mark.slow
 def test_a_bimetal_strip_bends_by_timoshenko():
-    """A body 0.6 mm thick, and on it a hinge and a body, together 1.4 mm, of another modulus and expansion.
+    """A body 0.6 mm thick, and on it a hinge and a body, together 1.4 mm, of another modulus and
+    expansion.
 
-    S. Timoshenko, J. Opt. Soc. Am. 11, 233 (1925): with m and n the ratios of thickness and modulus, the curvature is
-    6 (a2 - a1) (1 + m)^2 / (h (3 (1 + m)^2 + (1 + m n) (m^2 + 1 / (m n)))).
-    """
+    S. Timoshenko, J. Opt. Soc. Am. 11, 233 (1925): with m and n the ratios of thickness and
+    modulus, the curvature is 6 (a2 - a1) (1 + m)^2 / (h (3 (1 + m)^2 + (1 + m n) (m^2 + 1 / (m
+    n))))."""
     first = Constants(70e3, 0.33, 2.7e-9, 300.0, expansion=23e-6)
     second = Constants(140e3, 0.33, 8e-9, 300.0, expansion=9e-6, name="second")
     bodies = [
@@ -125,8 +138,14 @@ def test_a_bimetal_strip_bends_by_timoshenko():
     model = ports.plate_model(layout, mesh_layout(layout, 16))
     rates = np.array([23e-6, 9e-6, 9e-6])
     motions = ports.warmed(model, 23e-6, 23e-6, rates).motions
-    m, n = 0.6 / 1.4, 70e3 / 140e3
-    curvature = 6 * (23e-6 - 9e-6) * (1 + m) ** 2 / (2.0 * (3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n))))
+    m = 0.6 / 1.4
+    n = 70e3 / 140e3
+    curvature = (
+        6
+        * (23e-6 - 9e-6)
+        * (1 + m) ** 2
+        / (2.0 * (3 * (1 + m) ** 2 + (1 + m * n) * (m**2 + 1 / (m * n))))
+    )
     assert motions[5, 0] - motions[2, 0] == pytest.approx(20 * curvature, rel=ENDS)
 
 
@@ -139,7 +158,8 @@ def held_row():
 
 
 def test_a_row_between_walls_moves_by_all_its_expansions():
-    """By hand: the force closes the row, and the bar moves by what is left of it. Without contraction it is exact.
+    """By hand: the force closes the row, and the bar moves by what is left of it. Without
+    contraction it is exact.
 
     Leaves of 10 mm, hard and soft, the bar of 30 mm soft; the walls expand by 5e-6 / K.
     """
@@ -162,24 +182,33 @@ def test_parts_that_all_expand_as_the_walls_are_free_of_stress(layers):
     """Whatever the expansion of the plate, which no part has: 20e-6 against 70e-6."""
     layout = held_row()
     rates = np.full(5, 20e-6)
-    found = ports.warmed(ports.plate_model(layout, mesh_layout(layout, 2), layers), 70e-6, 20e-6, rates)
+    found = ports.warmed(
+        ports.plate_model(layout, mesh_layout(layout, 2), layers), 70e-6, 20e-6, rates
+    )
     assert found.motions[0, 0] == pytest.approx(25 * 20e-6, rel=SOLVED)
-    assert np.abs(ports.warm_stress(found, 0.0, rates[3:] - 70e-6)[0]).max() < SOLVED * 210e3 * 50e-6
+    assert (
+        np.abs(ports.warm_stress(found, 0.0, rates[3:] - 70e-6)[0]).max() < SOLVED * 210e3 * 50e-6
+    )
 
 
 def test_beams_of_two_materials_begin_with_the_compliance_of_the_network():
     layout = held_row()._replace(points=(("output", Patch(1, 25 + 3j)),))
     layout = layout._replace(joints=(layout.joints[0], layout.joints[1]._replace(material=SOFT)))
-    C, small = respond(layout).compliance, np.diag([1.0, 0.1, 1.0])
+    C = respond(layout).compliance
+    small = np.diag([1.0, 0.1, 1.0])
     assert displaced(layout, small).motions == pytest.approx(small @ C, rel=1e-4, abs=1e-9)
 
 
 def test_an_image_of_another_material_is_no_image():
-    """A row of equal leaves turns by half a turn into itself, one of unlike leaves only mirrors its upper half."""
+    """A row of equal leaves turns by half a turn into itself, one of unlike leaves only mirrors its
+    upper half.
+    """
     layout = held_row()
     (turn,) = symmetry_of(layout)
     assert not turn.mirrored
-    (mirror,) = symmetry_of(layout._replace(joints=(layout.joints[0], layout.joints[1]._replace(material=SOFT))))
+    (mirror,) = symmetry_of(
+        layout._replace(joints=(layout.joints[0], layout.joints[1]._replace(material=SOFT)))
+    )
     assert mirror.mirrored and mirror(25 + 1j) == pytest.approx(25 - 1j)
 
 
@@ -241,12 +270,17 @@ def test_a_file_states_materials_of_parts_by_name_or_by_numbers(tmp_path):
     assert named.layout.joints[0].material is None
     again = flexfem.Mechanism(**named.model_dump(exclude_unset=True, exclude_none=True))
     assert again.hash == named.hash
-    hinge = flexfem.load(written(tmp_path, 'name = "end"', f'name = "end"\n{STEEL}')).layout.joints[1]
+    hinge = flexfem.load(written(tmp_path, 'name = "end"', f'name = "end"\n{STEEL}')).layout.joints[
+        1
+    ]
     assert hinge.material[:4] == pytest.approx((200e3, 0.3, 7.8e-9, 100.0))
 
 
 REFUSED = [
-    ('"steal-304"', 'line 7: body.link.material = "steal-304", expected a registered material (steel-304'),
+    (
+        '"steal-304"',
+        'line 7: body.link.material = "steal-304", expected a registered material (steel-304',
+    ),
     ('{name = "x", youngs_modulus_gpa = -1}', "line 7: body.link.material."),
 ]
 
@@ -259,10 +293,11 @@ def test_a_material_of_a_part_that_is_not_known_is_refused(material, said, tmp_p
 
 @pytest.mark.parametrize("models", ["analytic", pytest.param("elements", marks=pytest.mark.slow)])
 def test_the_range_ends_at_the_yield_strength_of_the_hinge_that_yields(models, tmp_path):
-    """With a tenth of the strength, 503 MPa, the hinge at the end yields first, not that at the root.
+    """With a tenth of the strength, 503 MPa, the hinge at the end yields first, not that at the
+    root.
 
-    A force along y at 30 mm bends the roots of the fillets at 0.5 and 20.5 mm most, with arms of 29.5 and 9.5 mm.
-    """
+    A force along y at 30 mm bends the roots of the fillets at 0.5 and 20.5 mm most, with arms of
+    29.5 and 9.5 mm."""
     al = 'material = {name = "al", youngs_modulus_gpa = 71.7, poissons_ratio = 0.33, density_kg_m3 = 2810, '
     reached = []
     for strength in (503.0, 50.3):
@@ -272,10 +307,15 @@ def test_the_range_ends_at_the_yield_strength_of_the_hinge_that_yields(models, t
         reached.append(found.values["free_yield_range"][-1, 1])
         if strength < 503.0:
             assert found.values["range"][1, 0, 1] == pytest.approx(reached[-1], rel=LARGE)
-            assert found.values["range_stress"][1, 0, :, 1].max() == pytest.approx(50.3 * 29.5 / 9.5, rel=LARGE)
+            assert found.values["range_stress"][1, 0, :, 1].max() == pytest.approx(
+                50.3 * 29.5 / 9.5, rel=LARGE
+            )
     assert reached[1] / reached[0] == pytest.approx(0.1 * 29.5 / 9.5, rel=0.02)
 
 
 def test_drift_of_another_material_needs_its_expansion(tmp_path):
     with pytest.raises(BadInput, match=r"link\.material\.expansion_um_per_m_k is missing"):
-        flexfem.drift(flexfem.load(written(tmp_path, 'name="link",', f'name="link", {STEEL},')), models="analytic")
+        flexfem.drift(
+            flexfem.load(written(tmp_path, 'name="link",', f'name="link", {STEEL},')),
+            models="analytic",
+        )

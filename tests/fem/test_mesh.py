@@ -1,4 +1,6 @@
-"""The mesh is the drawn stage: all of it, in one piece, conforming, curved, exactly symmetric, or else refused."""
+"""The mesh is the drawn stage: all of it, in one piece, conforming, curved, exactly symmetric, or
+else refused.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,9 @@ def test_interior_sides_are_shared_by_two_triangles_and_outer_sides_belong_to_on
     middles: dict[tuple[int, int], set[int]] = {}
     for (a, b), middle in zip(ends.tolist(), found[:, 2].tolist(), strict=True):
         middles.setdefault((a, b), set()).add(middle)
-    assert all(len(at) == 1 for at in middles.values())  # else the two triangles could part between their corners
+    assert all(
+        len(at) == 1 for at in middles.values()
+    )  # else the two triangles could part between their corners
     assert len(set().union(*middles.values())) == len(middles)
 
 
@@ -65,7 +69,9 @@ def test_area_of_every_body_is_the_drawn_one(each):
 
 def test_triangles_are_counter_clockwise_and_far_from_folded(each):
     assert np.all(jacobians(each.mesh) > 0)
-    assert 0.6 < scaled_jacobians(jacobians(each.mesh)).min() <= 1.0  # 0.8; less than 0.1 is refused
+    assert (
+        0.6 < scaled_jacobians(jacobians(each.mesh)).min() <= 1.0
+    )  # 0.8; less than 0.1 is refused
 
 
 def test_nodes_of_alike_chains_are_symmetric_to_round_off(alike):
@@ -78,22 +84,29 @@ def test_nodes_of_alike_chains_are_symmetric_to_round_off(alike):
 
 
 def test_every_neck_is_crossed_by_as_many_triangles_as_asked_for(each):
-    mesh, sharing = each.mesh, Counter(tuple(sorted(s)) for s in sides(each.mesh)[:, :2].tolist())
+    mesh = each.mesh
+    sharing = Counter(tuple(sorted(s)) for s in sides(each.mesh)[:, :2].tolist())
     for chain in (1, 2, 3):
         for k, name in enumerate(HINGE_NAMES):
             edges = mesh.edges[f"neck {chain} {name}"]
             neck = each.stage.hinge(chain, name).neck
-            stubby = neck / (0.5 * each.stage.hinge(chain, name).radius)  # its notch must be resolved, not its neck
+            stubby = neck / (
+                0.5 * each.stage.hinge(chain, name).radius
+            )  # its notch must be resolved, not its neck
             assert len(edges) == np.ceil(COARSE * max(1.0, stubby))
             assert length(mesh, edges) == pytest.approx(neck, rel=1e-9)  # ten digits of 70 mm
-            np.testing.assert_allclose(  # equal edges about the hinge's centre, middles in the middle
-                mesh.nodes[np.unique(edges)].mean(axis=0), stage_frames(each.stage).centres[chain - 1, k], atol=ON_ARC
+            # equal edges about the hinge's centre, middles in the middle
+            np.testing.assert_allclose(
+                mesh.nodes[np.unique(edges)].mean(axis=0),
+                stage_frames(each.stage).centres[chain - 1, k],
+                atol=ON_ARC,
             )
             assert all(sharing[tuple(sorted(edge[:2].tolist()))] == 2 for edge in edges)
 
 
 def test_hub_is_a_full_circle_with_middle_nodes_on_it(each):
-    edges, radius = each.mesh.edges["hub"], each.stage.platform.hub_radius
+    edges = each.mesh.edges["hub"]
+    radius = each.stage.platform.hub_radius
     nodes = each.mesh.nodes[np.unique(edges)]
     np.testing.assert_allclose(np.hypot(*nodes.T), radius, atol=ON_ARC)
     assert len(np.unique(edges)) == 2 * len(edges)  # closed
@@ -121,7 +134,9 @@ def test_links_bent_by_next_to_nothing_are_meshed_as_straight_ones(bend, alike):
 
 def test_too_large_a_mesh_is_refused(alike, monkeypatch):
     monkeypatch.setattr(flexfem.fem.mesh, "MOST_TRIANGLES", 99)
-    with pytest.raises(ComputationFailed, match=r"^mesh of \d+ triangles, expected at most 99: [^\n]*$"):
+    with pytest.raises(
+        ComputationFailed, match=r"^mesh of \d+ triangles, expected at most 99: [^\n]*$"
+    ):
         build_mesh(alike.stage, COARSE)
 
 
@@ -148,9 +163,12 @@ def test_a_child_that_dies_is_one_line():
 
 def test_one_process_meshes_stage_after_stage_until_one_fails(alike, monkeypatch):
     started: list[Any] = []
-    monkeypatch.setattr(mesher, "Popen", lambda *args, **named: started.append(Popen(*args, **named)) or started[-1])
+    monkeypatch.setattr(
+        mesher, "Popen", lambda *args, **named: started.append(Popen(*args, **named)) or started[-1]
+    )
     mesher.end_processes()
-    first, second = build_mesh(alike.stage, 2), build_mesh(alike.stage, 3)
+    first = build_mesh(alike.stage, 2)
+    second = build_mesh(alike.stage, 3)
     assert len(started) == 1 and len(second.triangles) > len(first.triangles)
     with pytest.raises(ComputationFailed):
         run_mesher(FaceMesh([Trap(os.abort)], {}, []), 20.0)
@@ -177,7 +195,9 @@ def with_node_moved(mesh, triangle, which, to):
     return mesh._replace(nodes=nodes)
 
 
-@pytest.mark.parametrize(("label", "bodies"), [("neck 1 base", [0]), ("neck 2 platform", [4, 5, 6])])
+@pytest.mark.parametrize(
+    ("label", "bodies"), [("neck 1 base", [0]), ("neck 2 platform", [4, 5, 6])]
+)
 def test_a_severed_neck_is_refused(alike, label, bodies):
     with pytest.raises(ComputationFailed, match=r"2 pieces.*severed"):
         check_triangles(severed(alike.mesh, label, bodies), plate_polygon(alike.stage.layout).area)
@@ -191,32 +211,41 @@ def test_an_orphan_node_is_refused(alike):
 
 def test_the_mesh_of_another_stage_is_refused(alike):
     with pytest.raises(ComputationFailed, match=r"covers .* mm\^2, expected"):
-        check_triangles(alike.mesh, plate_polygon(with_changes({"platform.hub_radius_mm": 7.9}).layout).area)
+        check_triangles(
+            alike.mesh, plate_polygon(with_changes({"platform.hub_radius_mm": 7.9}).layout).area
+        )
 
 
 @pytest.mark.parametrize(("which", "to"), [(3, 0), (4, 2), (5, 0)])
 def test_a_folded_triangle_is_refused(alike, which, to):
     finest = int(np.argmin(jacobians(alike.mesh)[:, -1]))  # moves no area worth mentioning
     with pytest.raises(ComputationFailed, match="scaled Jacobian"):
-        check_triangles(with_node_moved(alike.mesh, finest, which, to), plate_polygon(alike.stage.layout).area)
+        check_triangles(
+            with_node_moved(alike.mesh, finest, which, to), plate_polygon(alike.stage.layout).area
+        )
 
 
 @pytest.mark.parametrize(("place", "sound"), [(0.2725, False), (0.2775, True)])
 def test_a_middle_node_close_to_its_corner_is_refused(place, sound):
     """On a straight side the Jacobian at the corner is 4 p - 1 of the mean one: 0.09 and 0.11."""
-    nodes = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 3.0], [2.0 * place, 0.0], [1.0, 1.5], [0.0, 1.5]])
+    nodes = np.array(
+        [[0.0, 0.0], [2.0, 0.0], [0.0, 3.0], [2.0 * place, 0.0], [1.0, 1.5], [0.0, 1.5]]
+    )
     single = StageMesh(nodes, np.arange(6)[None, :], np.zeros(1, dtype=np.int64), {})
     assert scaled_jacobians(jacobians(single)).min() == pytest.approx(4 * place - 1, rel=1e-12)
     if sound:
         check_triangles(single, 3.0)
     else:
-        with pytest.raises(ComputationFailed, match=r"Jacobian of 0\.09 near \(0.666667, 1\) mm, expected > 0\.1"):
+        with pytest.raises(
+            ComputationFailed, match=r"Jacobian of 0\.09 near \(0.666667, 1\) mm, expected > 0\.1"
+        ):
             check_triangles(single, 3.0)
 
 
 @pytest.mark.slow
 def test_random_feasible_stages_can_be_meshed():
-    rng, meshed = np.random.default_rng(29), 0
+    rng = np.random.default_rng(29)
+    meshed = 0
     while meshed < 12:
         lengths = np.array([31.0, 33.5, 25.0]) * rng.uniform(0.8, 1.2, 3)
         angles = np.array([175.0, -85.0, 92.0]) + rng.uniform(-20.0, 20.0, 3)

@@ -24,19 +24,23 @@ from ..tolerances import SOLVED
 from ..validation.vibration import tapered
 from .conftest import GEOMETRY
 
-PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7), 2739e-12
+PLATE = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7)
+DENSITY = 2739e-12
 
 
 @pytest.fixture(scope="module")
 def membrane():
     mesh = tapered(2)
-    return vibrating_structure(mass_of(structure(mesh, PLATE, held=nodes_on(mesh, "left")), DENSITY))
+    return vibrating_structure(
+        mass_of(structure(mesh, PLATE, held=nodes_on(mesh, "left")), DENSITY)
+    )
 
 
 def dense(mesh, held):
     """Stiffness and mass (m, m) of the unknowns that are not held."""
     of = structure(mesh, PLATE, held=NONE)
-    K, M = of.lower().toarray(), mass_of(of, DENSITY).loads(np.eye(of.size))
+    K = of.lower().toarray()
+    M = mass_of(of, DENSITY).loads(np.eye(of.size))
     K = K + np.tril(K, -1).T
     free = np.setdiff1d(np.arange(len(K)), np.concatenate([2 * held, 2 * held + 1]))
     return K[np.ix_(free, free)], M[np.ix_(free, free)]
@@ -49,19 +53,29 @@ def test_frequencies_are_those_of_dense_matrices(membrane):
 
 
 def test_consistent_mass_is_exact_on_curved_triangles(unlike):
-    """Kinetic energy of a velocity that is linear in x and y, against a quadrature of far higher degree."""
+    """Kinetic energy of a velocity that is linear in x and y, against a quadrature of far higher
+    degree.
+    """
     mesh = unlike.mesh
     field = (mesh.nodes @ np.array([[0.3, -0.7], [1.1, 0.2]]) + [2.0, 1.0])[None]
-    energy = float(np.sum(field * mass_of(structure(mesh, Plate(1.0, 0.3, 1.0)), 1.0).forces(field)))
+    energy = float(
+        np.sum(field * mass_of(structure(mesh, Plate(1.0, 0.3, 1.0)), 1.0).forces(field))
+    )
     N = shape_functions(quadrature(12)[0])[0]
     fine = 0.0
     for batch in integration(mesh, 12):
-        fine += float(np.sum(batch.weights[:, None] * np.einsum("eid,iq->edq", field[0][batch.triangles], N) ** 2))
+        fine += float(
+            np.sum(
+                batch.weights[:, None] * np.einsum("eid,iq->edq", field[0][batch.triangles], N) ** 2
+            )
+        )
     assert energy == pytest.approx(fine, rel=1e-12)
 
 
 def test_stacks_add_their_stiffness():
-    """Against all stacks' springs written into a dense 3 x 3 problem, by a payload far heavier than the stage."""
+    """Against all stacks' springs written into a dense 3 x 3 problem, by a payload far heavier than
+    the stage.
+    """
     stage = load_stage(GEOMETRY / "mobility6.toml")
     of = vibrating(stage, build_mesh(stage, 4), payload_of(500.0, 4e5), drive_of(stage))
     drive = drive_of(stage)

@@ -1,4 +1,6 @@
-"""The quick mesh of a study: the same stage, the same mesh every time, and fine enough for a tenth of a per cent."""
+"""The quick mesh of a study: the same stage, the same mesh every time, and fine enough for a tenth
+of a per cent.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from .conftest import GEOMETRY, solved
 ON_ARC = 1e-9  # mm; gmsh places the ends, we the middles
 ACCURACY = 1e-3  # of the platform stiffness, what studies promise at their default resolution
 RESOLUTION = 4  # default of studies
-TWO_ACROSS = 0.01  # of the platform compliance with two triangles across the necks; half of it is seen
+TWO_ACROSS = (
+    0.01  # of the platform compliance with two triangles across the necks; half of it is seen
+)
 
 
 def same(one, other):
@@ -39,7 +43,10 @@ def stages(alike, unlike):
 
 
 def test_the_nth_mesh_of_a_process_is_that_of_a_fresh_process(stages):
-    jobs = [sector_drawing(stage, chain, RESOLUTION, RESOLUTION) for chain, stage in enumerate(stages, start=1)]
+    jobs = [
+        sector_drawing(stage, chain, RESOLUTION, RESOLUTION)
+        for chain, stage in enumerate(stages, start=1)
+    ]
     fresh = []
     for job in jobs:
         end_processes()
@@ -79,15 +86,22 @@ def test_thirds_that_do_not_fit_are_refused(unlike, monkeypatch):
 def test_what_gmsh_says_becomes_one_line(alike):
     job = sector_drawing(alike.stage, 1, 2, 2)
     with pytest.raises(ComputationFailed, match=r"^gmsh: [^\n]+$"):
-        run_mesher(job._replace(faces=[Face(job.faces[0].loop[:-1], job.faces[0].labels[:-1])]), 60.0)
+        run_mesher(
+            job._replace(faces=[Face(job.faces[0].loop[:-1], job.faces[0].labels[:-1])]), 60.0
+        )
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["alike", "unlike"])
 def test_stiffness_is_within_a_tenth_of_a_per_cent_of_extrapolation(name, request):
-    """Against the ordinary mesh, smoothed and of other sizes, extrapolated from resolutions 6, 8 and 11."""
-    stage, levels = request.getfixturevalue(name).stage, np.array([6, 8, 11])
-    fine = np.array([np.diag(np.linalg.inv(solved(stage, int(n)).response.compliance)) for n in levels])
+    """Against the ordinary mesh, smoothed and of other sizes, extrapolated from resolutions 6, 8
+    and 11.
+    """
+    stage = request.getfixturevalue(name).stage
+    levels = np.array([6, 8, 11])
+    fine = np.array(
+        [np.diag(np.linalg.inv(solved(stage, int(n)).response.compliance)) for n in levels]
+    )
     limit = np.array([grid_convergence(levels, fine[:, k], 0.0).extrapolated for k in range(3)])
     ring = unit_response(mesh_sectors(stage, RESOLUTION), plate_of(stage))
     found = np.diag(np.linalg.inv(ring.compliance))
@@ -96,7 +110,9 @@ def test_stiffness_is_within_a_tenth_of_a_per_cent_of_extrapolation(name, reques
 
 
 def test_a_poor_mesh_of_a_sector_is_made_again_with_smaller_triangles():
-    """A triangle of the first mesh with two across the necks was folded beside the notch of the platform hinge."""
+    """A triangle of the first mesh with two across the necks was folded beside the notch of the
+    platform hinge.
+    """
     changed = load_stage(GEOMETRY / "mobility3.toml").replace(
         chain={
             "link_lengths": [28.625599849475645, 33.39888615928118, 26.29895199941183],

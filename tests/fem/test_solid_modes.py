@@ -1,4 +1,6 @@
-"""Modes of extruded stages: a turned sector against the whole, dense matrices, plane stress, masses of rigid bodies."""
+"""Modes of extruded stages: a turned sector against the whole, dense matrices, plane stress, masses
+of rigid bodies.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from ..tolerances import SOLVED, SUMS
 from ..validation.vibration import third
 from .conftest import bar
 
-PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7), 2739e-12
+PLATE = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7)
+DENSITY = 2739e-12
 FLAT = mirrored(3.7, 1, 0.8)
 HALVES = {"in plane": FLAT, "out of plane": FLAT.antisymmetric}
 CARRIED = np.diag([3e-5, 3e-5, 2e-3])
@@ -46,15 +49,21 @@ def test_one_sector_turned_vibrates_as_the_whole(half, load):
 def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half, load):
     """All of them add up to the mass, and to the moments of inertia, of all that is free."""
     mesh = joined((third(3, 2, TWIST),) * 3)[0]
-    mesh = mesh._replace(nodes=mesh.nodes + 0.03 * np.sin(mesh.nodes[:, ::-1]))  # no symmetry: no pairs
-    found = modes(vibrating_structure(mass_of(structure(mesh, PLATE, HALVES[half]), DENSITY, load)), 5)
-    equations, mass = found.structure, mass_of(found.structure, DENSITY, load)
+    mesh = mesh._replace(
+        nodes=mesh.nodes + 0.03 * np.sin(mesh.nodes[:, ::-1])
+    )  # no symmetry: no pairs
+    found = modes(
+        vibrating_structure(mass_of(structure(mesh, PLATE, HALVES[half]), DENSITY, load)), 5
+    )
+    equations = found.structure
+    mass = mass_of(found.structure, DENSITY, load)
     lower = equations.lower().toarray()
     M = mass.loads(np.eye(equations.size))
     squares, shapes = scipy.linalg.eigh(lower + np.tril(lower, -1).T, M)
     np.testing.assert_allclose(found.frequencies, np.sqrt(squares[:5]), rtol=SOLVED)
     x, y, z = np.broadcast_arrays(*mesh.nodes.T[:, :, None], HALVES[half].heights)
-    zero, one = np.zeros_like(x), np.ones_like(x)
+    zero = np.zeros_like(x)
+    one = np.ones_like(x)
     motions = {
         "in plane": [(one, zero, zero), (zero, one, zero), (-y, x, zero)],
         "out of plane": [(zero, zero, one), (zero, -z, y), (z, zero, -x)],
@@ -62,10 +71,16 @@ def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half, load
     rigid = np.stack([np.stack(each, axis=-1) for each in motions[half]])
     base = equations.loads(mass.forces(rigid))
     base[-3:] += load
-    np.testing.assert_allclose(np.abs(found.participation), np.abs(shapes[:, :5].T @ base), atol=SOLVED)
+    np.testing.assert_allclose(
+        np.abs(found.participation), np.abs(shapes[:, :5].T @ base), atol=SOLVED
+    )
     moved = np.linalg.solve(M, base)
-    np.testing.assert_allclose(np.sum((shapes.T @ base) ** 2, axis=0), np.sum(base * moved, axis=0), rtol=SOLVED)
-    np.testing.assert_allclose(found.total, np.einsum("inmd,jnmd->ij", rigid, mass.forces(rigid)) + load, atol=1e-15)
+    np.testing.assert_allclose(
+        np.sum((shapes.T @ base) ** 2, axis=0), np.sum(base * moved, axis=0), rtol=SOLVED
+    )
+    np.testing.assert_allclose(
+        found.total, np.einsum("inmd,jnmd->ij", rigid, mass.forces(rigid)) + load, atol=1e-15
+    )
     assert np.all(np.sum((shapes.T @ base) ** 2, axis=0) < np.diag(found.total))
 
 
@@ -83,16 +98,21 @@ HEAVY = Payload(0.5, 400.0, 300.0)  # 500 kg, 4e5 kg mm^2 and, tilting, 3e5
 
 @pytest.fixture(scope="module")
 def loaded(unlike):
-    """A stage of three unlike chains, 9.7 mm thick, and its modes out of the plane with a payload on a coarse mesh."""
-    stage, sectors = unlike.stage, mesh_sectors(unlike.stage, 2)
-    half, load = layers_of(stage, 1).antisymmetric, carried_out_of_plane(stage, HEAVY)
+    """A stage of three unlike chains, 9.7 mm thick, and its modes out of the plane with a payload
+    on a coarse mesh.
+    """
+    stage = unlike.stage
+    sectors = mesh_sectors(unlike.stage, 2)
+    half = layers_of(stage, 1).antisymmetric
+    load = carried_out_of_plane(stage, HEAVY)
     return stage, stage_modes(sectors, sheet_of(stage), half, 2739e-12, load, 3)
 
 
 def test_the_mass_is_that_of_the_drawn_stage_and_tilts_with_its_thickness(loaded):
     """Moments of inertia of a prism about x and y add up to that about z and `m b^2 / 6`."""
     stage, found = loaded
-    drawn, total = drawn_inertia(stage), found.total - np.diag([0.5, 300.0, 300.0])
+    drawn = drawn_inertia(stage)
+    total = found.total - np.diag([0.5, 300.0, 300.0])
     assert total[0, 0] == pytest.approx(drawn[0, 0], rel=3e-4)
     tilting = drawn[2, 2] + drawn[0, 0] * 9.7**2 / 6
     assert total[1, 1] + total[2, 2] == pytest.approx(tilting, rel=3e-4)
@@ -104,5 +124,7 @@ def test_a_payload_far_heavier_than_the_stage_tilts_on_the_static_stiffness(load
     stage, found = loaded
     equations = structure(found.mesh, sheet_of(stage), found.layers)
     C = factorise(equations.lower())(np.pad(np.eye(3), [(equations.size - 3, 0), (0, 0)]))[-3:]
-    expected = np.sqrt(scipy.linalg.eigh(np.linalg.inv(C), np.diag([0.5, 300.0, 300.0]), eigvals_only=True))
+    expected = np.sqrt(
+        scipy.linalg.eigh(np.linalg.inv(C), np.diag([0.5, 300.0, 300.0]), eigvals_only=True)
+    )
     np.testing.assert_allclose(found.frequencies, expected, rtol=5e-4)

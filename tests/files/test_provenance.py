@@ -1,4 +1,6 @@
-"""Where numbers come from: every number of a file is sourced, assumed or not stated, and every answer says so."""
+"""Where numbers come from: every number of a file is sourced, assumed or not stated, and every
+answer says so.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from flexfem.questions.errors import run_case
 from flexfem.study.loaded import load_study
 
 ROOT = Path(__file__).parents[2]
-NUMBERS = 16  # of the shipped stages: thickness, 4 of the material, 3 of the chain, 6 of the hinges, 2 of the platform
+# of the shipped stages: thickness, 4 of the material, 3 of the chain, 6 of the hinges, 2 of the
+# platform
+NUMBERS = 16
 
 
 def without(project, name, *keys):
@@ -28,12 +32,16 @@ def without(project, name, *keys):
 
 def test_every_number_is_sourced_assumed_or_not_stated(project):
     path = without(project, "geometry/mobility6.toml", "hinges.elbow.neck_mm", "thickness_mm")
-    stage = project.edit("geometry/mobility6.toml", ('"assumed: Table I of the paper is not available"', '"measured"'))
+    stage = project.edit(
+        "geometry/mobility6.toml",
+        ('"assumed: Table I of the paper is not available"', '"measured"'),
+    )
     read = load_stage(stage)
     assert read.not_stated == ("thickness_mm", "hinges.elbow.neck_mm")
     assert len(read.numbers) == NUMBERS
     assert sorted(set(read.numbers) & set(read.assumed)) == [
-        f"material.{key}" for key in ("density_kg_m3", "poissons_ratio", "yield_strength_mpa", "youngs_modulus_gpa")
+        f"material.{key}"
+        for key in ("density_kg_m3", "poissons_ratio", "yield_strength_mpa", "youngs_modulus_gpa")
     ]
     bare = load_stage(without(project, path.relative_to(project.folder)))
     assert bare.not_stated == bare.numbers and bare.assumed == ()

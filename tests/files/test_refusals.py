@@ -11,10 +11,19 @@ from flexfem.files.toml import validate
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
 
-PITFALLS = ("CON.toml", "nul.x.toml", "Lpt1 .toml", "a .toml", "a..toml", " a.toml")  # other systems read otherwise
+PITFALLS = (
+    "CON.toml",
+    "nul.x.toml",
+    "Lpt1 .toml",
+    "a .toml",
+    "a..toml",
+    " a.toml",
+)  # other systems read otherwise
 
 
-@pytest.mark.parametrize("name", ["...toml", "..toml", ".toml", "-x.toml", "a\x1b.toml", "a\\b.toml", *PITFALLS])
+@pytest.mark.parametrize(
+    "name", ["...toml", "..toml", ".toml", "-x.toml", "a\x1b.toml", "a\\b.toml", *PITFALLS]
+)
 def test_a_name_that_is_no_plain_stem_is_refused(tmp_path, name):
     path = tmp_path / name
     path.write_text("")

@@ -17,12 +17,18 @@ CONTENT = b"x" * 70_000  # more than a buffer of Python
 @pytest.fixture
 def events(monkeypatch):
     """What reaches the disk, in order: a file with its size, a folder by its name, a replacement."""
-    said, fsync, replace = [], os.fsync, os.replace
+    said = []
+    fsync = os.fsync
+    replace = os.replace
 
     def flushed(handle):
         about = os.fstat(handle)
         folder = stat.S_ISDIR(about.st_mode)
-        said.append(("folder", os.path.basename(os.readlink(f"/proc/self/fd/{handle}"))) if folder else about.st_size)
+        said.append(
+            ("folder", os.path.basename(os.readlink(f"/proc/self/fd/{handle}")))
+            if folder
+            else about.st_size
+        )
         fsync(handle)
 
     def replaced(old, new):
@@ -43,7 +49,8 @@ def test_a_whole_file_is_on_the_disk_before_it_replaces_the_old_one(tmp_path, ev
 
 def test_new_folders_are_on_the_disk_before_their_file(tmp_path, events):
     write_atomically(tmp_path / "reports" / "parts" / "part", lambda file: file.write(CONTENT))
-    folders, rest = events[:2], events[2:]
+    folders = events[:2]
+    rest = events[2:]
     assert sorted(folders) == sorted([("folder", tmp_path.name), ("folder", "reports")])
     assert rest == [len(CONTENT), "replaced", ("folder", "parts")]
 

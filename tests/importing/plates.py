@@ -15,13 +15,18 @@ TIME = 60.0  # s, for gmsh
 
 
 def found_hinge(joint):
-    """A hinge of a layout as it is found: shape and dimensions by the keys of a file, angles in degrees."""
-    profile, table = joint.profile, ()
+    """A hinge of a layout as it is found: shape and dimensions by the keys of a file, angles in
+    degrees.
+    """
+    profile = joint.profile
+    table = ()
     match profile:
         case profiles.Circular():
-            shape, sizes = "circular", {"radius": profile.radius, "neck": profile.neck}
+            shape = "circular"
+            sizes = {"radius": profile.radius, "neck": profile.neck}
         case profiles.Leaf():
-            shape, sizes = "leaf", {"length": profile.span, "neck": profile.neck, "fillet": profile.fillet}
+            shape = "leaf"
+            sizes = {"length": profile.span, "neck": profile.neck, "fillet": profile.fillet}
         case profiles.Elliptical() | profiles.Parabolic():
             shape = type(profile).__name__.lower()
             sizes = {"length": profile.span, "depth": profile.depth, "neck": profile.neck}
@@ -30,7 +35,9 @@ def found_hinge(joint):
             sizes = {"angle": math.degrees(profile.angle), "root_radius": profile.root}
             sizes |= {"depth": profile.depth, "neck": profile.neck}
         case _:
-            shape, sizes, table = "profile", {}, profile.table
+            shape = "profile"
+            sizes = {}
+            table = profile.table
     return FoundHinge(joint.bodies, joint.place, joint.heading, shape, sizes, table, 0.0)
 
 
@@ -38,8 +45,12 @@ def found_plate(layout, path="part.dxf", marks=()):
     """The bodies and hinges of a layout, and its contours as the drawing."""
     bodies = list[FoundBody]()
     for region in regions_of(layout)[: len(layout.bodies)]:
-        outside, *holes = sorted(run_mesher(PlateContours([region]), TIME), key=lambda loop: -abs(area(loop)))
+        outside, *holes = sorted(
+            run_mesher(PlateContours([region]), TIME), key=lambda loop: -abs(area(loop))
+        )
         bodies.append(FoundBody(tuple(outside), tuple(map(tuple, holes))))
     outside, *holes = sorted(plate_contours(layout), key=lambda loop: -abs(area(loop)))
-    drawing = Drawing(Path(path), tuple(outside), tuple(map(tuple, holes)), None, tuple(marks), 0.0, ())
+    drawing = Drawing(
+        Path(path), tuple(outside), tuple(map(tuple, holes)), None, tuple(marks), 0.0, ()
+    )
     return FoundPlate(drawing, tuple(bodies), tuple(map(found_hinge, layout.joints)), ())

@@ -1,4 +1,6 @@
-"""Departure of a plate from a mechanism: by hinge, at the edge, and what it does to stiffness and frequency."""
+"""Departure of a plate from a mechanism: by hinge, at the edge, and what it does to stiffness and
+frequency.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,15 @@ def test_a_thicker_leaf_is_named_with_what_it_does_to_the_stiffness(written):
     assert found.edge_off_um == pytest.approx(6.0, rel=1e-3)  # half of it on each side
     assert found.edge_off.endswith("more material") and "leaf" in found.edge_off
     change = {each.quantity: each.change_percent for each in found.numbers}
-    along = next(value for key, value in change.items() if key.startswith("stiffness x, others free"))
+    along = next(
+        value for key, value in change.items() if key.startswith("stiffness x, others free")
+    )
     # leaves in bending: the cube of the thickness, less in the fillets
     assert along == pytest.approx(100 * ((0.512 / 0.5) ** 3 - 1), rel=0.02)
     frequency = next(value for key, value in change.items() if key.startswith("first frequency"))
-    assert frequency == pytest.approx(100 * (math.sqrt(1 + along / 100) - 1), rel=0.02)  # the masses hardly change
+    assert frequency == pytest.approx(
+        100 * (math.sqrt(1 + along / 100) - 1), rel=0.02
+    )  # the masses hardly change
 
 
 def test_equal_plates_depart_nowhere(written):
@@ -78,11 +84,21 @@ def test_polygons_follow_arcs_and_curves_of_hinges():
         "thickness_mm": 5.0,
         "material": {"name": "al-7075-t6"},
         "body": [
-            {"name": "a", "fixed": True, "outline_mm": [[-20.0, -6.0], [-4.0, -6.0], [-4.0, 6.0], [-20.0, 6.0]]},
+            {
+                "name": "a",
+                "fixed": True,
+                "outline_mm": [[-20.0, -6.0], [-4.0, -6.0], [-4.0, 6.0], [-20.0, 6.0]],
+            },
             {"name": "b", "outline_mm": [[4.0, -6.0], [20.0, -6.0], [20.0, 6.0], [4.0, 6.0]]},
         ],
         "hinge": [
-            {"name": "h", "between": ["a", "b"], "at_mm": [0.0, 0.0], "direction_deg": 0.0, "shape": "elliptical"}
+            {
+                "name": "h",
+                "between": ["a", "b"],
+                "at_mm": [0.0, 0.0],
+                "direction_deg": 0.0,
+                "shape": "elliptical",
+            }
             | {"length_mm": 8.0, "depth_mm": 1.3, "neck_mm": 0.7}
         ],
         "output": {"body": "b", "at_mm": [12.0, 0.0]},
@@ -98,7 +114,9 @@ def test_a_drawing_with_other_axes_is_brought_back(move):
     elsewhere = move_layout(layout, inverse(move))
     found = registered(layout, elsewhere)
     assert found.mirrored == move.mirrored
-    assert found.factor == pytest.approx(move.factor) and found.shift == pytest.approx(move.shift, abs=1e-5)
+    assert found.factor == pytest.approx(move.factor) and found.shift == pytest.approx(
+        move.shift, abs=1e-5
+    )
 
 
 def move_layout(layout, move):
@@ -112,12 +130,16 @@ def move_layout(layout, move):
         body._replace(outline=loop(body.outline), holes=tuple(map(loop, body.holes)), clamped=())
         for body in layout.bodies
     ]
-    joints = [joint._replace(place=move(joint.place), heading=move.heading(joint.heading)) for joint in layout.joints]
+    joints = [
+        joint._replace(place=move(joint.place), heading=move.heading(joint.heading))
+        for joint in layout.joints
+    ]
     return layout._replace(bodies=tuple(bodies), joints=tuple(joints))
 
 
 def test_moved_polygons_keep_their_area_and_come_back():
-    plate, move = shapely.box(1, 2, 5, 9), Move(np.exp(0.7j), 4 - 2j, True)
+    plate = shapely.box(1, 2, 5, 9)
+    move = Move(np.exp(0.7j), 4 - 2j, True)
     there = moved(plate, move)
     assert shapely.area(there) == pytest.approx(28.0)
     back = moved(there, inverse(move))

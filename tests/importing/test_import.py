@@ -22,7 +22,8 @@ from .random_plates import random_mechanism
 STATED = ("--thickness", "10mm", "--material", "al-7075-t6")
 MICROMETRE = 1e-3  # mm, of dimensions and edges
 SAME = 1e-5  # relative, of the analytic model of an exact drawing
-OF_CURVES = 1e-3  # the same where the drawing has arcs in place of ellipses and parabolas: 0.4 um of a neck of 0.4 mm
+# the same where the drawing has arcs in place of ellipses and parabolas: 0.4 um of a neck of 0.4 mm
+OF_CURVES = 1e-3
 AL = Reading(thickness=10.0, material="al-7075-t6")
 
 
@@ -47,8 +48,11 @@ def wishes_of(layout):
 
 
 def require_same(plate, made, exact=SAME):
-    """Bodies, hinges, dimensions, edges, and for mechanisms the analytic stiffness and first frequency."""
-    layout, found = plate.layout, made.mechanism.layout
+    """Bodies, hinges, dimensions, edges, and for mechanisms the analytic stiffness and first
+    frequency.
+    """
+    layout = plate.layout
+    found = made.mechanism.layout
     assert (len(found.bodies), len(found.joints)) == (len(layout.bodies), len(layout.joints))
     assert made.off.largest < MICROMETRE and made.warnings == []
     for joint in layout.joints:
@@ -61,38 +65,54 @@ def require_same(plate, made, exact=SAME):
     if isinstance(plate, Mechanism):
         absent = {part.name for part in (*plate.actuator, *plate.point)}  # no drawing has them
         copies = [
-            each.model_copy(update={"parts": tuple(name for name in each.parts if name not in absent)})
+            each.model_copy(
+                update={"parts": tuple(name for name in each.parts if name not in absent)}
+            )
             for each in plate.copies
         ]
-        plate = plate.replace(actuator=(), payload=None, point=(), copies=tuple(each for each in copies if each.parts))
+        plate = plate.replace(
+            actuator=(), payload=None, point=(), copies=tuple(each for each in copies if each.parts)
+        )
         again = made.mechanism.replace(material=plate.material.model_dump(exclude_none=True))
-        before, after = (api.stiffness(each, models="analytic").at("stiffness")[0] for each in (plate, again))
+        before, after = (
+            api.stiffness(each, models="analytic").at("stiffness")[0] for each in (plate, again)
+        )
         own = np.sqrt(np.diag(before))
         assert np.all(np.abs(after - before) <= exact * np.outer(own, own))
-        first, second = (api.modes(each, models="analytic", count=1).at("frequency") for each in (plate, again))
+        first, second = (
+            api.modes(each, models="analytic", count=1).at("frequency") for each in (plate, again)
+        )
         assert second == pytest.approx(first, rel=exact)
 
 
 def test_import_writes_a_file_that_answers(flexfem, part, tmp_path):
-    code, out, err = flexfem("import", part, "-o", "mine.toml", *STATED, "--output", "0,55", "--json")
+    code, out, err = flexfem(
+        "import", part, "-o", "mine.toml", *STATED, "--output", "0,55", "--json"
+    )
     assert code == 0, err
     report = json.loads(out)
     assert [body["body"] for body in report["bodies"]] == ["ground", "stage"]
     assert [hinge["length_mm"] for hinge in report["hinges"]] == [50.0, 50.0]
     assert report["edge_off_um"] < 1 and report["area_off"] < 1e-6
     of_file, of_drawing = (
-        json.loads(flexfem("stiffness", *subject, "--models", "analytic", "--json")[1])["quantities"]["free"]["values"]
+        json.loads(flexfem("stiffness", *subject, "--models", "analytic", "--json")[1])[
+            "quantities"
+        ]["free"]["values"]
         for subject in (("mine.toml",), (part, *STATED, "--output", "0,55"))
     )
     assert of_file == of_drawing
-    reference = api.stiffness(api.load(ROOT / "geometry/parallelogram.toml"), models="analytic").at("free")
+    reference = api.stiffness(api.load(ROOT / "geometry/parallelogram.toml"), models="analytic").at(
+        "free"
+    )
     assert np.ravel(of_file) == pytest.approx(np.ravel(reference), rel=SAME)
 
 
 def test_a_drawing_is_said_in_one_line_and_an_assumed_ground_in_it(flexfem, part):
     code, out, err = flexfem("check", part, *STATED)
     assert code == 0
-    assert err.splitlines()[0].startswith(f"{part}: 2 bodies, 2 hinges; ground: ground (read from part.dxf")
+    assert err.splitlines()[0].startswith(
+        f"{part}: 2 bodies, 2 hinges; ground: ground (read from part.dxf"
+    )
     assert "leaf 2" in out
 
 
@@ -109,7 +129,9 @@ def test_compare_takes_the_drawing_in_either_order(flexfem, part):
         code, out, err = flexfem("compare", *order, "--json")
         assert code == 0, err
         found = json.loads(out)
-        assert found["file"] == str(mechanism) and found["hinges"] == [] and found["edge_off_um"] < 0.1
+        assert (
+            found["file"] == str(mechanism) and found["hinges"] == [] and found["edge_off_um"] < 0.1
+        )
         assert all(abs(each["change_percent"]) < 1e-3 for each in found["numbers"])
 
 
@@ -117,16 +139,28 @@ def test_compare_takes_the_drawing_in_either_order(flexfem, part):
     ("arguments", "text"),
     [
         (("import", "part.dxf"), "a drawing without a thickness, expected --thickness"),
-        (("import", "part.dxf", "--thickness", "10mm"), "a drawing without a material, expected --material"),
-        (("import", "part.dxf", "--thickness", "10mm", "--material", "al-7075"), "did you mean al-7075-t6?"),
+        (
+            ("import", "part.dxf", "--thickness", "10mm"),
+            "a drawing without a material, expected --material",
+        ),
+        (
+            ("import", "part.dxf", "--thickness", "10mm", "--material", "al-7075"),
+            "did you mean al-7075-t6?",
+        ),
         (("import", "part.dxf", "--thickness", "0mm", "--material", "al-7075-t6"), "thickness"),
-        (("import", "part.dxf", *STATED, "-o", "part.dxf"), "expected a file name that ends in .toml"),
+        (
+            ("import", "part.dxf", *STATED, "-o", "part.dxf"),
+            "expected a file name that ends in .toml",
+        ),
         (("import", "part.dxf", *STATED, "-o", "no/folder.toml"), "no folder"),
         (("import", "part.toml", *STATED), "expected a drawing: .dxf, .step, .stp, .svg"),
         (("import", "none.dxf", *STATED), "no such file"),
         (("baseline", "part.dxf", "--reason", "none"), "this is a drawing, expected a TOML file"),
         (("study", "run", "part.dxf"), "this is a drawing, expected a TOML file"),
-        (("stiffness", str(ROOT / "geometry/pivot.toml"), "--thickness", "9mm"), "thickness is for a drawing"),
+        (
+            ("stiffness", str(ROOT / "geometry/pivot.toml"), "--thickness", "9mm"),
+            "thickness is for a drawing",
+        ),
         (("stiffness", "part.dxf", *STATED, "--ground", "900,0"), "mm from the nearest body"),
         (("compare", "part.dxf"), "1 files, expected two"),
     ],
@@ -141,9 +175,13 @@ def test_bad_input_is_one_line_and_nothing_is_written(flexfem, part, arguments, 
 
 
 def test_a_drawing_of_another_program_in_inches(tmp_path):
-    """R12 with bulges: two blocks, a notch of radius 1/16 in and neck 0.02 in between them; closed form of its area."""
+    """R12 with bulges: two blocks, a notch of radius 1/16 in and neck 0.02 in between them; closed
+    form of its area.
+    """
     document = ezdxf.new("R12")
-    half, radius, high = 0.01, 0.0625, 0.25
+    half = 0.01
+    radius = 0.0625
+    high = 0.25
     points = [  # x, y, bulge; inches
         (-1.0, -high, 0.0),
         (-radius, -high, 0.0),
@@ -166,7 +204,9 @@ def test_a_drawing_of_another_program_in_inches(tmp_path):
         imported(path, reading)
     made = imported(path, reading._replace(units="in"))
     (joint,) = made.mechanism.layout.joints
-    assert joint.profile.neck == pytest.approx(0.508) and joint.profile.radius == pytest.approx(1.5875)
+    assert joint.profile.neck == pytest.approx(0.508) and joint.profile.radius == pytest.approx(
+        1.5875
+    )
     assert dict(made.mechanism.parameters) == {"radius_mm": 1.5875, "neck_mm": 0.508}
     assert made.off.largest < MICROMETRE
     assert made.mechanism.layout.points[0][1].point.real > 0
@@ -193,4 +233,8 @@ def test_a_random_mechanism_comes_back_from_its_drawing(seed, tmp_path):
     ending = (".dxf", ".svg", ".step")[seed % 3]
     api.export(plate, tmp_path / f"random{ending}")
     stated = AL._replace(thickness=float(plate.thickness))
-    require_same(plate, imported(tmp_path / f"random{ending}", stated, wishes=wishes_of(plate.layout)), OF_CURVES)
+    require_same(
+        plate,
+        imported(tmp_path / f"random{ending}", stated, wishes=wishes_of(plate.layout)),
+        OF_CURVES,
+    )

@@ -1,4 +1,6 @@
-"""DXF drawings in the dialects of other programs: the same plate, whose area follows from its dimensions."""
+"""DXF drawings in the dialects of other programs: the same plate, whose area follows from its
+dimensions.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,13 @@ from flexfem.mechanism.outlines import area, circle_of
 from flexfem.refused import BadInput
 
 ROUND_OFF = 1e-9  # relative, of an area from coordinates with 16 digits
-CURVES = 1e-6  # relative: curves within 0.3 um of an arc, over edges of 226 mm and an area of 2,346 mm^2, are below it
+# relative: curves within 0.3 um of an arc, over edges of 226 mm and an area of 2,346 mm^2, are
+# below it
+CURVES = 1e-6
 PLACE = 1e-3  # mm; the largest distance from what is drawn that a hinge does not notice
 
-# A plate of 60 x 40 mm with a round notch of radius 4 mm in its upper side and a hole of radius 3 mm
+# A plate of 60 x 40 mm with a round notch of radius 4 mm in its upper side and a hole of radius 3
+# mm
 PLATE = 60.0 * 40.0 - math.pi * 4.0**2 / 2 - math.pi * 3.0**2
 CORNERS = [(26, 40), (0, 40), (0, 0), (60, 0), (60, 40), (34, 40)]
 
@@ -62,7 +67,9 @@ def as_splines(space):
     notch = ezdxf.math.BSpline.from_arc(ezdxf.math.ConstructionArc((30, 40), 4, 180, 360))
     space.add_spline(dxfattribs={"degree": 2}).apply_construction_tool(notch)
     for first in (0, 180):
-        half = ezdxf.math.BSpline.from_arc(ezdxf.math.ConstructionArc((12, 15), 3, first, first + 180))
+        half = ezdxf.math.BSpline.from_arc(
+            ezdxf.math.ConstructionArc((12, 15), 3, first, first + 180)
+        )
         space.add_spline().apply_construction_tool(half)
 
 
@@ -148,7 +155,10 @@ def test_dialects_give_the_same_plate(draw, tmp_path):
     assert area(hole) < 0 < area(drawing.outside)
     assert circle_of(hole) is not None and abs(circle_of(hole)[1] - 3.0) < PLACE
     for loop in (drawing.outside, *drawing.holes):
-        assert all(before.end == after.start for before, after in zip(loop, [*loop[1:], loop[0]], strict=True))
+        assert all(
+            before.end == after.start
+            for before, after in zip(loop, [*loop[1:], loop[0]], strict=True)
+        )
 
 
 @pytest.mark.parametrize("release", ["R12", "R2000", "R2004", "R2007", "R2013", "R2018"])
@@ -171,9 +181,14 @@ def test_what_is_done_to_a_drawing_is_said(tmp_path):
     assert (
         note == "Gaps that were closed: 6, of at most 0.000707 mm."
     )  # 4 corners of 0.5 um each way, 2 ends at the arc
-    assert any("were merged: " in each for each in read_drawing(drawn(as_lines_drawn_twice, tmp_path)).notes)
+    assert any(
+        "were merged: " in each
+        for each in read_drawing(drawn(as_lines_drawn_twice, tmp_path)).notes
+    )
     drawing = read_drawing(drawn(as_short_lines, tmp_path))
-    assert drawing.notes == ("Rows of short lines that are read as arcs: 2, at most 0.37 um off them.",)
+    assert drawing.notes == (
+        "Rows of short lines that are read as arcs: 2, at most 0.37 um off them.",
+    )
     assert math.isclose(drawing.deviation, 3.0 * (1 - math.cos(math.pi / 200)), rel_tol=1e-6)
 
 
@@ -186,10 +201,12 @@ def test_ellipse_of_a_block_with_unequal_scales_stays_within_its_deviation(tmp_p
     drawing = read_drawing(drawn(squeezed, tmp_path))
     assert 0 < drawing.deviation <= 1.5e-4
     perimeter = 141.0  # mm, at most: that of an ellipse with half axes 30 and 12.5 mm
-    assert math.isclose(area_of(drawing), math.pi * 30 * 12.5, abs_tol=perimeter * drawing.deviation)
-    z = (np.concatenate([each.at(np.linspace(0, 1, 40)) for each in drawing.outside]) - (5 + 7j)) * np.exp(
-        -1j * np.deg2rad(20)
+    assert math.isclose(
+        area_of(drawing), math.pi * 30 * 12.5, abs_tol=perimeter * drawing.deviation
     )
+    z = (
+        np.concatenate([each.at(np.linspace(0, 1, 40)) for each in drawing.outside]) - (5 + 7j)
+    ) * np.exp(-1j * np.deg2rad(20))
     assert np.all(np.abs(np.hypot(z.real / 30, z.imag / 12.5) - 1) < drawing.deviation / 12.5)
 
 
@@ -230,13 +247,19 @@ def test_what_is_no_edge_of_metal_is_left_out(tmp_path):
         "layer old, which is off (1)",
     ):
         assert each in note
-    assert "entities on layer Dimensions (1)" in note and "construction lines" in note and "paper space" in note
+    assert (
+        "entities on layer Dimensions (1)" in note
+        and "construction lines" in note
+        and "paper space" in note
+    )
 
 
 def test_largest_of_several_parts_is_taken_and_the_others_are_named(tmp_path):
     def three(space):
         as_entities(space, layer="PLATE")
-        space.add_lwpolyline([(80, 0), (100, 0), (100, 10), (80, 10)], close=True, dxfattribs={"layer": "LEVER"})
+        space.add_lwpolyline(
+            [(80, 0), (100, 0), (100, 10), (80, 10)], close=True, dxfattribs={"layer": "LEVER"}
+        )
         space.add_circle((120, 5), 4)
 
     path = drawn(three, tmp_path)
@@ -256,7 +279,9 @@ def test_largest_of_several_parts_is_taken_and_the_others_are_named(tmp_path):
 
 
 def test_bodies_drawn_side_by_side_are_one_plate(tmp_path):
-    """Two blocks and a leaf between them, each a closed outline; the leaf ends within a side of each block."""
+    """Two blocks and a leaf between them, each a closed outline; the leaf ends within a side of
+    each block.
+    """
 
     def bodies(space):
         space.add_lwpolyline([(0, 0), (20, 0), (20, 30), (0, 30)], close=True)
@@ -278,7 +303,9 @@ def test_two_leaves_side_by_side_enclose_a_void(tmp_path):
 
     drawing = read_drawing(drawn(bodies, tmp_path))
     assert math.isclose(area_of(drawing), 600 + 450 + 2 * 30 * 0.4, rel_tol=ROUND_OFF)
-    assert [math.isclose(-area(hole), 30 * 20.6, rel_tol=ROUND_OFF) for hole in drawing.holes] == [True]
+    assert [math.isclose(-area(hole), 30 * 20.6, rel_tol=ROUND_OFF) for hole in drawing.holes] == [
+        True
+    ]
 
 
 def test_island_in_a_void_is_another_part(tmp_path):
@@ -293,8 +320,10 @@ def test_island_in_a_void_is_another_part(tmp_path):
 
 def test_kerf_takes_half_its_width_from_every_edge(tmp_path):
     drawing = read_drawing(drawn(as_entities, tmp_path), kerf=0.5)
-    # straight sides move by 0.25 mm, the arc of the notch to 4.25 mm and the hole to 3.25 mm; the notch keeps its sharp
-    # corners in the metal, which are now those of the circle and the lowered side: a sector less a triangle
+    # straight sides move by 0.25 mm, the arc of the notch to 4.25 mm and the hole to 3.25 mm; the
+    # notch keeps its sharp
+    # corners in the metal, which are now those of the circle and the lowered side: a sector less a
+    # triangle
     half = math.acos(0.25 / 4.25)
     notch = 4.25**2 * half - 0.25 * math.sqrt(4.25**2 - 0.25**2)
     expected = 59.5 * 39.5 - notch - math.pi * 3.25**2
@@ -309,8 +338,12 @@ def test_kerf_takes_half_its_width_from_every_edge(tmp_path):
 def test_marks_do_not_change_the_metal(tmp_path):
     def marked(space):
         as_entities(space, layer="CUT")
-        space.add_lwpolyline([(0, 0), (60, 0), (60, 6), (0, 6)], close=True, dxfattribs={"layer": "GROUND"})
-        space.add_lwpolyline([(-5, 20), (5, 20), (5, 30), (-5, 30)], close=True, dxfattribs={"layer": "Clamp left"})
+        space.add_lwpolyline(
+            [(0, 0), (60, 0), (60, 6), (0, 6)], close=True, dxfattribs={"layer": "GROUND"}
+        )
+        space.add_lwpolyline(
+            [(-5, 20), (5, 20), (5, 30), (-5, 30)], close=True, dxfattribs={"layer": "Clamp left"}
+        )
         space.add_point((50, 35), {"layer": "OUTPUT"})
         space.add_circle((40, 20), 2, {"layer": "SCREWS"})
 
@@ -338,13 +371,24 @@ def test_metal_on_a_layer_of_marks_is_metal(tmp_path):
 
 def test_body_beside_others_on_a_layer_of_marks_is_metal(tmp_path):
     def bodies(space):
-        space.add_lwpolyline([(0, 0), (20, 0), (20, 30), (0, 30)], close=True, dxfattribs={"layer": "GROUND"})
-        space.add_lwpolyline([(50, 0), (65, 0), (65, 30), (50, 30)], close=True, dxfattribs={"layer": "OUTPUT"})
-        space.add_lwpolyline([(20, 12), (50, 12), (50, 12.4), (20, 12.4)], close=True, dxfattribs={"layer": "LEAF"})
+        space.add_lwpolyline(
+            [(0, 0), (20, 0), (20, 30), (0, 30)], close=True, dxfattribs={"layer": "GROUND"}
+        )
+        space.add_lwpolyline(
+            [(50, 0), (65, 0), (65, 30), (50, 30)], close=True, dxfattribs={"layer": "OUTPUT"}
+        )
+        space.add_lwpolyline(
+            [(20, 12), (50, 12), (50, 12.4), (20, 12.4)], close=True, dxfattribs={"layer": "LEAF"}
+        )
 
     drawing = read_drawing(drawn(bodies, tmp_path))
     assert math.isclose(area_of(drawing), 600 + 450 + 12, rel_tol=ROUND_OFF)
-    assert {mark.layer: set(mark.points) for mark in drawing.marks}["GROUND"] == {0, 20, 20 + 30j, 30j}
+    assert {mark.layer: set(mark.points) for mark in drawing.marks}["GROUND"] == {
+        0,
+        20,
+        20 + 30j,
+        30j,
+    }
 
 
 # Refusals
@@ -379,8 +423,14 @@ def too_many(space):
     tile = space.doc.blocks.new("T")
     tile.add_circle((0, 0), 1)
     row = space.doc.blocks.new("ROW")
-    row.add_blockref("T", (0, 0), {"row_count": 500, "column_count": 500, "row_spacing": 3, "column_spacing": 3})
-    space.add_blockref("ROW", (0, 0), {"row_count": 500, "column_count": 500, "row_spacing": 9, "column_spacing": 9})
+    row.add_blockref(
+        "T", (0, 0), {"row_count": 500, "column_count": 500, "row_spacing": 3, "column_spacing": 3}
+    )
+    space.add_blockref(
+        "ROW",
+        (0, 0),
+        {"row_count": 500, "column_count": 500, "row_spacing": 9, "column_spacing": 9},
+    )
 
 
 REFUSED = {
@@ -419,7 +469,10 @@ LINE = b"0\nLINE\n8\n0\n10\n0\n20\n0\n11\n1\n21\n1\n"
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"0\nSECTION\n2\nENTITIES\n" + LINE * 250_000 + b"0\nENDSEC\n0\nEOF\n", "250,003 entities, expected at most"),
+        (
+            b"0\nSECTION\n2\nENTITIES\n" + LINE * 250_000 + b"0\nENDSEC\n0\nEOF\n",
+            "250,003 entities, expected at most",
+        ),
         (b"", "an empty file"),
         (b" \n\t\n", "an empty file"),
         (b"PK\x03\x04\x00\x00", "neither text nor a binary DXF file"),
@@ -448,6 +501,8 @@ def test_paths_and_arguments(tmp_path):
             read_drawing(path, **arguments)
     with pytest.raises(BadInput, match="no such file"):
         read_drawing(tmp_path / "other.dxf")
-    with pytest.raises(BadInput, match=r"extension '\.dwg', expected .* \.dxf, \.step, \.stp, \.svg"):
+    with pytest.raises(
+        BadInput, match=r"extension '\.dwg', expected .* \.dxf, \.step, \.stp, \.svg"
+    ):
         read_drawing(tmp_path / "part.dwg")
     assert read_drawing(path, thickness=6).thickness == 6.0

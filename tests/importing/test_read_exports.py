@@ -18,11 +18,15 @@ from flexfem.mechanism.outlines import area, polygon_points
 PLATES = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 ROUND_OFF = 1e-9  # relative, of the area
 APART = 1e-6  # area that only one of two plates has, per area of the plate
-FINE = np.pi / 1024  # rad of arc per corner of the polygons: their own difference from the arcs is below the above
+FINE = (
+    np.pi / 1024
+)  # rad of arc per corner of the polygons: their own difference from the arcs is below the above
 
 
 def polygon(outside, holes):
-    return shapely.Polygon(polygon_points(outside, FINE), [polygon_points(hole, FINE) for hole in holes])
+    return shapely.Polygon(
+        polygon_points(outside, FINE), [polygon_points(hole, FINE) for hole in holes]
+    )
 
 
 @pytest.mark.slow
@@ -41,4 +45,6 @@ def test_export_and_reading_give_the_same_plate(path, tmp_path):
         assert len(drawing.holes) == len(contours) - 1
         assert len(drawing.outside) <= len(contours[0])
         assert (drawing.thickness == plate.thickness) == (suffix == ".step")
-        assert bool([mark for mark in drawing.marks if mark.layer == "GROUND"]) == (suffix != ".step")
+        assert bool([mark for mark in drawing.marks if mark.layer == "GROUND"]) == (
+            suffix != ".step"
+        )

@@ -1,4 +1,6 @@
-"""Solids that another program, Open CASCADE through netgen, writes: in any position and unit, chamfered, with holes."""
+"""Solids that another program, Open CASCADE through netgen, writes: in any position and unit,
+chamfered, with holes.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ occ = pytest.importorskip("netgen.occ")
 
 ROUND_OFF = 1e-9  # relative, of an area of a solid that was turned and written with 15 digits
 THICK = 6.5  # mm
-PLATE = 60.0 * 40.0 - math.pi * 4.0**2 / 2 - math.pi * 3.0**2  # mm^2, notch of radius 4 mm, hole of radius 3 mm
+PLATE = (
+    60.0 * 40.0 - math.pi * 4.0**2 / 2 - math.pi * 3.0**2
+)  # mm^2, notch of radius 4 mm, hole of radius 3 mm
 
 
 def area_of(drawing):
@@ -26,7 +30,11 @@ def cylinder(x, y, radius, low=0.0, height=THICK):
 
 
 def plate():
-    return occ.Box(occ.Pnt(0, 0, 0), occ.Pnt(60, 40, THICK)) - cylinder(30, 40, 4) - cylinder(12, 15, 3)
+    return (
+        occ.Box(occ.Pnt(0, 0, 0), occ.Pnt(60, 40, THICK))
+        - cylinder(30, 40, 4)
+        - cylinder(12, 15, 3)
+    )
 
 
 def written(shape, folder, name="part.step"):
@@ -39,7 +47,9 @@ def test_outline_and_thickness(tmp_path):
     drawing = read_drawing(written(plate(), tmp_path))
     assert math.isclose(drawing.thickness, THICK, rel_tol=ROUND_OFF)
     assert math.isclose(area_of(drawing), PLATE, rel_tol=ROUND_OFF)
-    assert all(abs(each.centre - (30 + 40j)) < 1e-6 for each in drawing.outside if each.centre is not None)
+    assert all(
+        abs(each.centre - (30 + 40j)) < 1e-6 for each in drawing.outside if each.centre is not None
+    )
     centre, radius = circle_of(drawing.holes[0])
     assert abs(centre - (12 + 15j)) < 1e-6 and math.isclose(radius, 3.0, rel_tol=1e-6)
     assert drawing.deviation < 1e-6
@@ -62,13 +72,17 @@ def test_thick_part_is_not_taken_from_its_side(tmp_path):
 
 
 def test_chamfers_and_blind_holes_are_left_out_and_named(tmp_path):
-    cone = occ.Cone(occ.Axes(occ.Pnt(45, 20, 0), occ.Z), 4.0, 3.0, 1.0, 2 * math.pi)  # a chamfer of 1 mm at a hole
+    cone = occ.Cone(
+        occ.Axes(occ.Pnt(45, 20, 0), occ.Z), 4.0, 3.0, 1.0, 2 * math.pi
+    )  # a chamfer of 1 mm at a hole
     solid = plate() - cylinder(45, 20, 3) - cone - cylinder(50, 30, 2, THICK - 2.0, 2.0)
     drawing = read_drawing(written(solid, tmp_path))
     assert math.isclose(area_of(drawing), PLATE - math.pi * 9, rel_tol=1e-7)
     (note,) = (each for each in drawing.notes if "left out" in each)
     assert "cone (1, " in note and "plane (1, 12.57 mm^2)" in note
-    removed = math.pi * 4 * 2 + math.pi * (16 + 12 + 9) / 3 - math.pi * 9  # mm^3, the blind hole and the chamfer
+    removed = (
+        math.pi * 4 * 2 + math.pi * (16 + 12 + 9) / 3 - math.pi * 9
+    )  # mm^3, the blind hole and the chamfer
     change = 100 * removed / ((PLATE - math.pi * 9) * THICK - removed)
     assert f"changes the volume by {change:+.2g} %" in note
 
@@ -92,12 +106,18 @@ def test_solids_of_an_assembly(tmp_path):
     assert drawing.notes[-1] == "Other solids of the file were left out: shim."
     for part in (2, "2", "Shim"):
         shim = read_drawing(path, part=part)
-        assert math.isclose(area_of(shim), 100.0, rel_tol=1e-7) and math.isclose(shim.thickness, 2.0)
-    with pytest.raises(BadInput, match=r"part 3, expected a number from 1 to 2 or one of frame, shim"):
+        assert math.isclose(area_of(shim), 100.0, rel_tol=1e-7) and math.isclose(
+            shim.thickness, 2.0
+        )
+    with pytest.raises(
+        BadInput, match=r"part 3, expected a number from 1 to 2 or one of frame, shim"
+    ):
         read_drawing(path, part=3)
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("SI_UNIT(.CENTI.,.METRE.)", 10.0), ("SI_UNIT($,.METRE.)", 1000.0)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("SI_UNIT(.CENTI.,.METRE.)", 10.0), ("SI_UNIT($,.METRE.)", 1000.0)]
+)
 def test_units_of_the_file(unit, factor, tmp_path):
     text = written(plate(), tmp_path).read_text()
     assert text.count("SI_UNIT(.MILLI.,.METRE.)") == 1
@@ -114,7 +134,10 @@ def test_units_of_the_file(unit, factor, tmp_path):
     [
         ("solid of another kind", "no STEP file, expected one that begins with ISO-10303-21"),
         ("ISO-10303-21;\nHEADER;\n", "ends without END-ISO-10303-21"),
-        ("ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n", "not readable as STEP|no solid"),
+        (
+            "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n",
+            "not readable as STEP|no solid",
+        ),
     ],
 )
 def test_files_that_are_no_solid(content, message, tmp_path):

@@ -1,4 +1,6 @@
-"""Bodies and hinges found in the plate of a mechanism are those of the mechanism, whose file says what they are."""
+"""Bodies and hinges found in the plate of a mechanism are those of the mechanism, whose file says
+what they are.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,16 @@ from flexfem.fem.plate_mesh import plate_contours
 from flexfem.importing.found import Drawing, FoundHinge, FoundPlate
 from flexfem.importing.recognise import recognise
 from flexfem.mechanism.layout import Joint, Layout
-from flexfem.mechanism.outlines import Segment, area, bowed, disc, polygon_points, polyline, reverse, rounded
+from flexfem.mechanism.outlines import (
+    Segment,
+    area,
+    bowed,
+    disc,
+    polygon_points,
+    polyline,
+    reverse,
+    rounded,
+)
 from flexfem.mechanism.profiles import Profile, profile_of
 
 from ..conftest import ROOT
@@ -25,7 +36,9 @@ from ..conftest import ROOT
 ROUND_OFF = 1e-6  # mm and rad, of a dimension of an exact drawing
 OF_PLATE = 1e-6  # of the area of a plate, by which its parts may differ from it
 
-OF_CURVES = 1e-5  # the same where arcs within 1e-4 mm stand for ellipses and parabolas in the contour
+OF_CURVES = (
+    1e-5  # the same where arcs within 1e-4 mm stand for ellipses and parabolas in the contour
+)
 
 
 def drawn(outside: list[Segment], *holes: list[Segment]) -> Drawing:
@@ -37,7 +50,10 @@ def drawing_of(layout: Layout) -> Drawing:
 
 
 def profile_found(hinge: FoundHinge) -> Profile:
-    values = {key: math.radians(value) if key == "angle" else value for key, value in hinge.dimensions.items()}
+    values = {
+        key: math.radians(value) if key == "angle" else value
+        for key, value in hinge.dimensions.items()
+    }
     if hinge.table:
         values |= {"table": hinge.table, "smooth": hinge.smooth}
     if hinge.side:
@@ -61,8 +77,12 @@ def test_a_shipped_mechanism_is_found_again_in_its_plate(name):
         assert abs(hinge.place - joint.place) < ROUND_OFF
         assert abs(cmath.sin(hinge.heading - joint.heading)) < ROUND_OFF
         assert type(profile) is type(joint.profile)
-        values = {key: value for key, value in vars(joint.profile).items() if isinstance(value, float)}
-        assert {key: getattr(profile, key) for key in values} == pytest.approx(values, abs=ROUND_OFF)
+        values = {
+            key: value for key, value in vars(joint.profile).items() if isinstance(value, float)
+        }
+        assert {key: getattr(profile, key) for key in values} == pytest.approx(
+            values, abs=ROUND_OFF
+        )
         assert hinge.deviation < ROUND_OFF
     plate = sum(map(area, (drawing.outside, *drawing.holes)))
     bodies = sum(area(loop) for body in found.bodies for loop in (body.outside, *body.holes))
@@ -92,7 +112,9 @@ def face_of(loops) -> shapely.Polygon:
 
 
 def uncovered(drawing: Drawing, found: FoundPlate) -> float:
-    """Share of a plate by which the union of its parts differs from it; polygons of equal arcs differ by round-off."""
+    """Share of a plate by which the union of its parts differs from it; polygons of equal arcs
+    differ by round-off.
+    """
     plate = face_of((drawing.outside, *drawing.holes))
     parts = [face_of((body.outside, *body.holes)) for body in found.bodies]
     for hinge in found.hinges:
@@ -107,16 +129,31 @@ def uncovered(drawing: Drawing, found: FoundPlate) -> float:
 
 
 FINE = np.pi / 2000  # rad, of polygons of arcs
-ALONG = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 4001)) / 2  # positions on the axis of a hinge, per length
+ALONG = (
+    np.sin(np.linspace(-np.pi / 2, np.pi / 2, 4001)) / 2
+)  # positions on the axis of a hinge, per length
 GRID = 1e-7  # mm, of coordinates
 
 
 def bodies_with(*middle: complex) -> list[Segment]:
-    """Two blocks of 20 x 30 mm, 30 mm apart, whose connection has a lower edge; the upper one is its mirror image."""
+    """Two blocks of 20 x 30 mm, 30 mm apart, whose connection has a lower edge; the upper one is
+    its mirror image.
+    """
     upper = [z.conjugate() for z in reversed(middle)]
-    left, right = (-15 - 15j, -15 + 15j), (15 + 15j, 15 - 15j)
+    left = (-15 - 15j, -15 + 15j)
+    right = (15 + 15j, 15 - 15j)
     return polyline(
-        -35 - 15j, left[0], *middle, right[1], 35 - 15j, 35 + 15j, right[0], *upper, left[1], -35 + 15j, -35 - 15j
+        -35 - 15j,
+        left[0],
+        *middle,
+        right[1],
+        35 - 15j,
+        35 + 15j,
+        right[0],
+        *upper,
+        left[1],
+        -35 + 15j,
+        -35 - 15j,
     )
 
 
@@ -130,7 +167,18 @@ def test_a_leaf_with_sharp_roots_between_two_blocks():
 
 def test_a_rod_between_two_notches_is_a_body_and_the_notches_are_hinges_of_their_own_scale():
     """Hinges of 0.28 and 0.80 mm between links 4 mm wide."""
-    lower = [-15 - 2j, -10 - 2j, -9.5 - 0.14j, -8.5 - 0.14j, -8 - 2j, 8 - 2j, 8.5 - 0.4j, 9.5 - 0.4j, 10 - 2j, 15 - 2j]
+    lower = [
+        -15 - 2j,
+        -10 - 2j,
+        -9.5 - 0.14j,
+        -8.5 - 0.14j,
+        -8 - 2j,
+        8 - 2j,
+        8.5 - 0.4j,
+        9.5 - 0.4j,
+        10 - 2j,
+        15 - 2j,
+    ]
     found = recognise(drawn(bodies_with(*lower)))
     assert len(found.bodies) == 3
     necks = sorted(profile_found(hinge).neck for hinge in found.hinges)
@@ -142,7 +190,10 @@ def test_notches_shallower_than_half_circles_become_a_table_of_the_drawn_edge():
     notch = bowed(-2 - 1.5j, 2 - 1.5j, -1.2)  # of 2.267 mm radius: not a half circle
     lower = [*polyline(-35 - 15j, -15 - 15j, -15 - 1.5j, -2 - 1.5j), *notch]
     lower += polyline(2 - 1.5j, 15 - 1.5j, 15 - 15j, 35 - 15j, 35 + 0j)
-    upper = [Segment(s.start.conjugate(), s.end.conjugate(), s.centre and s.centre.conjugate()) for s in lower]
+    upper = [
+        Segment(s.start.conjugate(), s.end.conjugate(), s.centre and s.centre.conjugate())
+        for s in lower
+    ]
     plate = drawn([*lower, *reverse(upper), *polyline(-35 + 15j, -35 - 15j)])
     found = recognise(plate)
     (hinge,) = found.hinges
@@ -151,14 +202,22 @@ def test_notches_shallower_than_half_circles_become_a_table_of_the_drawn_edge():
     assert (profile.neck, profile.length) == pytest.approx((0.6, 4.0), abs=ROUND_OFF)
     radius = (2**2 + 1.2**2) / 2.4
     at = np.array([-1.7, -0.6, 0.3, 1.9])
-    assert profile.height(at) == pytest.approx(2 * (1.5 - 1.2 + radius - np.sqrt(radius**2 - at**2)), abs=2e-4)
+    assert profile.height(at) == pytest.approx(
+        2 * (1.5 - 1.2 + radius - np.sqrt(radius**2 - at**2)), abs=2e-4
+    )
     assert hinge.deviation < 1e-3 and uncovered(plate, found) < OF_PLATE
 
 
 def test_notches_of_unequal_radius_become_a_table_of_both_edges():
     lower = [*polyline(-35 - 15j, -4 - 15j, -4 - 4.2j), *bowed(-4 - 4.2j, 4 - 4.2j, -4.0)]
     lower += polyline(4 - 4.2j, 4 - 15j, 35 - 15j, 35 + 15j, 3 + 15j, 3 + 3.3j)
-    plate = drawn([*lower, *bowed(3 + 3.3j, -3 + 3.3j, -3.0), *polyline(-3 + 3.3j, -3 + 15j, -35 + 15j, -35 - 15j)])
+    plate = drawn(
+        [
+            *lower,
+            *bowed(3 + 3.3j, -3 + 3.3j, -3.0),
+            *polyline(-3 + 3.3j, -3 + 15j, -35 + 15j, -35 - 15j),
+        ]
+    )
     found = recognise(plate)
     (hinge,) = found.hinges
     profile = profile_found(hinge)
@@ -171,19 +230,36 @@ def test_a_plate_without_hinges_a_web_beside_a_hole_and_a_tongue_stay_one_body()
     outline = rounded([-20 - 10j, 20 - 10j, 20 + 10j, -20 + 10j], [3.0, 0.0, 3.0, 0.0]).loop
     (body,) = recognise(drawn(outline)).bodies
     assert area(body.outside) == pytest.approx(800 - 2 * (1 - np.pi / 4) * 9)
-    hole = reverse(disc(14 + 0j, 5.5).loop)  # 0.5 mm of metal beside it, which connects the body with itself
+    hole = reverse(
+        disc(14 + 0j, 5.5).loop
+    )  # 0.5 mm of metal beside it, which connects the body with itself
     found = recognise(drawn(outline, hole))
     assert (len(found.bodies), len(found.hinges)) == (1, 0)
     assert len(found.bodies[0].holes) == 1
     assert any(shapely.distance(face, shapely.Point(19.75, 0)) < 0.1 for face in found.slender)
-    tongue = polyline(-20 - 10j, 20 - 10j, 20 - 0.2j, 45 - 0.2j, 45 + 0.2j, 20 + 0.2j, 20 + 10j, -20 + 10j, -20 - 10j)
+    tongue = polyline(
+        -20 - 10j,
+        20 - 10j,
+        20 - 0.2j,
+        45 - 0.2j,
+        45 + 0.2j,
+        20 + 0.2j,
+        20 + 10j,
+        -20 + 10j,
+        -20 - 10j,
+    )
     found = recognise(drawn(tongue))
     assert (len(found.bodies), len(found.hinges)) == (1, 0)
 
 
 def test_a_curved_strip_stays_a_part_of_a_body_and_is_named_as_slender():
-    outer, inner = bowed(-15 + 0.3j, 15 + 0.3j, -4.0), bowed(-15 - 0.3j, 15 - 0.3j, -4.0)
-    loop = [*polyline(-35 - 15j, -15 - 15j, -15 - 0.3j), *inner, *polyline(15 - 0.3j, 15 - 15j, 35 - 15j)]
+    outer = bowed(-15 + 0.3j, 15 + 0.3j, -4.0)
+    inner = bowed(-15 - 0.3j, 15 - 0.3j, -4.0)
+    loop = [
+        *polyline(-35 - 15j, -15 - 15j, -15 - 0.3j),
+        *inner,
+        *polyline(15 - 0.3j, 15 - 15j, 35 - 15j),
+    ]
     loop += [*polyline(35 - 15j, 35 + 15j, 15 + 15j, 15 + 0.3j), *reverse(outer)]
     loop += polyline(-15 + 0.3j, -15 + 15j, -35 + 15j, -35 - 15j)
     found = recognise(drawn(loop))
@@ -192,7 +268,9 @@ def test_a_curved_strip_stays_a_part_of_a_body_and_is_named_as_slender():
 
 
 def test_thick_walls_of_a_frame_around_thin_leaves_are_no_hinges():
-    """Walls of 10 mm are 25 times as thick as the leaves, and the blocks that they connect 4 times as wide."""
+    """Walls of 10 mm are 25 times as thick as the leaves, and the blocks that they connect 4 times
+    as wide.
+    """
     layout = flexfem.load(ROOT / "geometry/xy-stage.toml").layout
     assert max(profile_found(hinge).neck for hinge in recognise(drawing_of(layout)).hinges) < 1.0
 

@@ -1,4 +1,6 @@
-"""Ground, output and actuators of a plate that was found in a drawing: stated, marked, else by a stated rule."""
+"""Ground, output and actuators of a plate that was found in a drawing: stated, marked, else by a
+stated rule.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,25 @@ CHAIN = {  # three blocks in a row: screws in the first, the second is the large
     "thickness_mm": 10.0,
     "material": {"name": "al-7075-t6"},
     "body": [
-        {"name": "block", "fixed": True, "outline_mm": [[-24.0, -5.0], [-4.0, -5.0], [-4.0, 5.0], [-24.0, 5.0]]}
-        | {"holes": [{"centre_mm": [-18.0, 1.0], "radius_mm": 1.6}, {"centre_mm": [-10.0, 1.0], "radius_mm": 1.6}]},
+        {
+            "name": "block",
+            "fixed": True,
+            "outline_mm": [[-24.0, -5.0], [-4.0, -5.0], [-4.0, 5.0], [-24.0, 5.0]],
+        }
+        | {
+            "holes": [
+                {"centre_mm": [-18.0, 1.0], "radius_mm": 1.6},
+                {"centre_mm": [-10.0, 1.0], "radius_mm": 1.6},
+            ]
+        },
         {"name": "arm", "outline_mm": [[2.0, -5.0], [40.0, -5.0], [40.0, 5.0], [2.0, 5.0]]},
         {"name": "tip", "outline_mm": [[46.0, -5.0], [60.0, -5.0], [60.0, 5.0], [46.0, 5.0]]},
     ],
     "hinge": [
-        {"name": "first", "between": ["block", "arm"], "at_mm": [-1.0, 0.0], "direction_deg": 0.0} | NOTCH,
-        {"name": "second", "between": ["arm", "tip"], "at_mm": [43.0, 0.0], "direction_deg": 0.0} | NOTCH,
+        {"name": "first", "between": ["block", "arm"], "at_mm": [-1.0, 0.0], "direction_deg": 0.0}
+        | NOTCH,
+        {"name": "second", "between": ["arm", "tip"], "at_mm": [43.0, 0.0], "direction_deg": 0.0}
+        | NOTCH,
     ],
     "output": {"body": "tip", "at_mm": [60.0, 0.0]},
 }
@@ -44,7 +57,9 @@ def frame():
     return found_plate(api.load("geometry/xy-stage.toml").layout)
 
 
-def test_without_marks_the_body_with_most_screws_is_ground_and_the_end_of_the_chain_the_output(chain):
+def test_without_marks_the_body_with_most_screws_is_ground_and_the_end_of_the_chain_the_output(
+    chain,
+):
     found = roles_of(chain, Wishes())
     assert (found.fixed, found.output) == ((0,), 2)
     assert found.at == pytest.approx(53.0 + 0j, abs=1e-3)
@@ -74,7 +89,9 @@ def test_screw_holes_and_marks_fix_bodies(chain):
     assert roles_of(chain, Wishes(clamp_holes=True)).fixed == (0,)
     square = tuple(complex(*corner) for corner in [(46, -5), (60, -5), (60, 5), (46, 5)])
     marked = chain._replace(
-        drawing=chain.drawing._replace(marks=(DrawnMark("2_Ground", square), DrawnMark("OUTPUT", (-17 + 0j,))))
+        drawing=chain.drawing._replace(
+            marks=(DrawnMark("2_Ground", square), DrawnMark("OUTPUT", (-17 + 0j,)))
+        )
     )
     found = roles_of(marked, Wishes())
     assert (found.fixed, found.output, found.at) == ((2,), 0, -17 + 0j)
@@ -109,7 +126,10 @@ def test_an_actuator_lies_between_two_points(chain):
     ("reading", "text"),
     [
         (Reading(ground=["300,0"]), "ground 300,0: 240 mm from the nearest body"),
-        (Reading(output_at="0,90"), "output 0,90: 85.0 mm from the plate|output 0,90: 85 mm from the plate"),
+        (
+            Reading(output_at="0,90"),
+            "output 0,90: 85.0 mm from the plate|output 0,90: 85 mm from the plate",
+        ),
         (Reading(output_at="-20,0"), "output -20,0: this point is on the ground"),
         (Reading(ground=["1;2"]), 'ground "1;2", expected a point x,y in mm'),
         (Reading(actuator=["0,0"]), 'actuator "0,0", expected two points'),

@@ -1,4 +1,6 @@
-"""The mechanism file of a plate that was found in a drawing: the same plate, and one number for equal parts."""
+"""The mechanism file of a plate that was found in a drawing: the same plate, and one number for
+equal parts.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from .plates import found_plate
 
 SAME = 1e-8  # relative, of the analytic model: written numbers have nine decimals
 HEADING = Heading("part", 10.0, "al-7075-t6", {"thickness_mm": "stated with the import"})
-LEAVES = {  # a stage between leaves of unequal lengths, turned by 30 degrees; fillets and a hole in the bodies
+# a stage between leaves of unequal lengths, turned by 30 degrees; fillets and a hole in the bodies
+LEAVES = {
     "name": "turned guide",
     "thickness_mm": 8.0,
     "material": {"name": "al-7075-t6"},
@@ -32,7 +35,10 @@ LEAVES = {  # a stage between leaves of unequal lengths, turned by 30 degrees; f
             "outline_mm": [[-30.0, -9.0], [31.0, -9.0, 2.5], [31.0, 0.0], [-30.0, 0.0]],
             "holes": [{"centre_mm": [3.0, -5.0], "radius_mm": 1.7}],
         },
-        {"name": "table", "outline_mm": [[-22.0, 21.0], [24.0, 21.0], [24.0, 33.0], [-22.0, 33.0, 4.0]]},
+        {
+            "name": "table",
+            "outline_mm": [[-22.0, 21.0], [24.0, 21.0], [24.0, 33.0], [-22.0, 33.0, 4.0]],
+        },
     ],
     "hinge": [
         {"name": "one", "between": ["base", "table"], "at_mm": [-15.0, 10.5], "direction_deg": 90.0}
@@ -46,7 +52,8 @@ LEAVES = {  # a stage between leaves of unequal lengths, turned by 30 degrees; f
 
 def turned(content, degrees):
     """The same file with all points turned about the origin."""
-    cosine, sine = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    cosine = math.cos(math.radians(degrees))
+    sine = math.sin(math.radians(degrees))
 
     def point(row):
         return [cosine * row[0] - sine * row[1], sine * row[0] + cosine * row[1], *row[2:]]
@@ -55,7 +62,11 @@ def turned(content, degrees):
     made["body"] = [
         body
         | {"outline_mm": [point(row) for row in body["outline_mm"]]}
-        | {"holes": [hole | {"centre_mm": point(hole["centre_mm"])} for hole in body.get("holes", [])]}
+        | {
+            "holes": [
+                hole | {"centre_mm": point(hole["centre_mm"])} for hole in body.get("holes", [])
+            ]
+        }
         for body in content["body"]
     ]
     made["hinge"] = [
@@ -68,7 +79,8 @@ def turned(content, degrees):
 
 def of_file(mechanism):
     """The plate of a mechanism, with its ground and output stated as points."""
-    plate, output = found_plate(mechanism.layout), mechanism.layout.points[0][1]
+    plate = found_plate(mechanism.layout)
+    output = mechanism.layout.points[0][1]
     fixed = [k for k, body in enumerate(mechanism.layout.bodies) if body.fixed]
     inside = [body_polygon(mechanism.layout, k).representative_point() for k in fixed]
     ground = tuple(complex(point.x, point.y) for point in inside)
@@ -77,7 +89,9 @@ def of_file(mechanism):
 
 
 def same(stiffness, reference):
-    """Whether two stiffness matrices are equal, relative to the geometric mean of the diagonal terms."""
+    """Whether two stiffness matrices are equal, relative to the geometric mean of the diagonal
+    terms.
+    """
     own = np.sqrt(np.diagonal(reference, axis1=-2, axis2=-1))
     return np.all(np.abs(stiffness - reference) <= SAME * own[..., None] * own[..., None, :])
 
@@ -101,12 +115,15 @@ def test_a_turned_guide_is_written_exactly_and_stays_closed_when_a_leaf_changes(
     compliance = np.linalg.inv(stiffness_of(longer)[0])[:2, :2]
     before = np.linalg.inv(stiffness_of(written)[0])[:2, :2]
     ratio = (along @ compliance @ along) / (along @ before @ along)
-    # leaves bend as fixed-guided beams between their fillets, (length - 2 fillet)^3 / neck^3; fillets add 1 %
+    # leaves bend as fixed-guided beams between their fillets, (length - 2 fillet)^3 / neck^3;
+    # fillets add 1 %
     assert ratio == pytest.approx((23.8 / 19.8) ** 3 / (0.41 / 0.37) ** 3, rel=0.02)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["parallelogram", "xy-stage", "lever-amplifier", "rhombic-amplifier"])
+@pytest.mark.parametrize(
+    "kind", ["parallelogram", "xy-stage", "lever-amplifier", "rhombic-amplifier"]
+)
 def test_a_shipped_mechanism_is_written_with_one_number_for_equal_parts(kind):
     mechanism = api.load(f"geometry/{kind}.toml")
     plate = of_file(mechanism)
@@ -114,7 +131,9 @@ def test_a_shipped_mechanism_is_written_with_one_number_for_equal_parts(kind):
     assert same(stiffness_of(plate.mechanism), stiffness_of(mechanism))
     for key, value in plate.mechanism.parameters.items():
         for factor in (0.93, 1.06):
-            plate.mechanism.replace(parameters={key: factor * value})  # refuses a plate that is torn
+            plate.mechanism.replace(
+                parameters={key: factor * value}
+            )  # refuses a plate that is torn
 
 
 def test_an_xy_stage_is_written_as_a_person_would():
@@ -135,7 +154,9 @@ def test_an_xy_stage_is_written_as_a_person_would():
 
 @pytest.mark.slow
 def test_names_of_the_report_are_those_of_the_written_copies():
-    """By place: the name of a hinge in the table is that of the hinge at the same place in the file."""
+    """By place: the name of a hinge in the table is that of the hinge at the same place in the
+    file.
+    """
     plate = of_file(api.load("geometry/xy-stage.toml"))
     places = {joint.name: joint.place for joint in plate.mechanism.layout.joints}
     for name, hinge in zip(plate.written.names.hinges, plate.found.hinges, strict=True):
@@ -143,7 +164,9 @@ def test_names_of_the_report_are_those_of_the_written_copies():
 
 
 def test_arcs_and_fillets_are_written_as_they_are_drawn():
-    corners, radii, bows = [0j, 30 + 0j, 30 + 20j, 20j], [0.0, 0.0, 0.0, 3.5], [0.0, 4.2, 0.0, 0.0]
+    corners = [0j, 30 + 0j, 30 + 20j, 20j]
+    radii = [0.0, 0.0, 0.0, 3.5]
+    bows = [0.0, 4.2, 0.0, 0.0]
     loop = rounded(corners, radii, bows).loop
     rows = outline_rows(placed_vertices(vertices_of(loop, ()), []))
     assert len(rows) == 4
@@ -153,7 +176,12 @@ def test_arcs_and_fillets_are_written_as_they_are_drawn():
 
 
 def test_lines_that_continue_are_one_edge():
-    loop = [Segment(0j, 4 + 0j), Segment(4 + 0j, 10 + 0j), Segment(10 + 0j, 10 + 5j), Segment(10 + 5j, 0j)]
+    loop = [
+        Segment(0j, 4 + 0j),
+        Segment(4 + 0j, 10 + 0j),
+        Segment(10 + 0j, 10 + 5j),
+        Segment(10 + 5j, 0j),
+    ]
     assert [vertex.point for vertex in vertices_of(loop, ())] == [0j, 10 + 0j, 10 + 5j]
     begun_inside = [*loop[1:], loop[0]]
     assert {vertex.point for vertex in vertices_of(begun_inside, ())} == {0j, 10 + 0j, 10 + 5j}
@@ -167,7 +195,9 @@ def test_hinges_that_differ_by_more_than_a_micrometre_have_numbers_of_their_own(
     made = assembled(plate._replace(hinges=(first, other)), Wishes(), HEADING)
     stated = dict(made.mechanism.parameters)
     assert (stated["leaf_1_neck_mm"], stated["leaf_2_neck_mm"]) == (0.5, 0.503)
-    assert made.off.largest == pytest.approx(1.5e-3, rel=0.05)  # half of the difference of the necks
+    assert made.off.largest == pytest.approx(
+        1.5e-3, rel=0.05
+    )  # half of the difference of the necks
     assert "off the drawing by up to 1.5 um" in made.warnings[0]
 
 
@@ -176,9 +206,19 @@ def test_a_table_is_read_from_the_other_end_where_the_ground_is_there():
         LEAVES
         | {
             "hinge": [
-                {"name": "one", "between": ["table", "base"], "at_mm": [-15.0, 10.5], "direction_deg": -90.0}
+                {
+                    "name": "one",
+                    "between": ["table", "base"],
+                    "at_mm": [-15.0, 10.5],
+                    "direction_deg": -90.0,
+                }
                 | {"shape": "profile", "table_mm": [[0, 2.0], [3, 0.5], [8, 0.9], [21, 3.0]]},
-                {"name": "two", "between": ["base", "table"], "at_mm": [17.0, 10.5], "direction_deg": 90.0}
+                {
+                    "name": "two",
+                    "between": ["base", "table"],
+                    "at_mm": [17.0, 10.5],
+                    "direction_deg": 90.0,
+                }
                 | {"shape": "profile", "table_mm": [[0, 3.0], [13, 0.9], [18, 0.5], [21, 2.0]]},
             ]
         }

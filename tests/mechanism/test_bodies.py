@@ -1,4 +1,6 @@
-"""The drawn stage: closed, in one piece, as wide as it says, and with the notches that the hinge formulas integrate."""
+"""The drawn stage: closed, in one piece, as wide as it says, and with the notches that the hinge
+formulas integrate.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +35,16 @@ def thirds(stage: Stage) -> Iterator[tuple[int, str, Face]]:
 
 
 def polygons(stage: Stage, step: float = FINE) -> dict[tuple[int, str], shapely.Polygon]:
-    return {(chain, body): shapely.Polygon(polygon_points(face.loop, step)) for chain, body, face in thirds(stage)}
+    return {
+        (chain, body): shapely.Polygon(polygon_points(face.loop, step))
+        for chain, body, face in thirds(stage)
+    }
 
 
 def labelled(face: Face, label: str) -> list[Segment]:
-    return [segment for segment, found in zip(face.loop, face.labels, strict=True) if found == label]
+    return [
+        segment for segment, found in zip(face.loop, face.labels, strict=True) if found == label
+    ]
 
 
 def across(place: complex, direction: complex, reach: float) -> shapely.LineString:
@@ -48,15 +55,24 @@ def across(place: complex, direction: complex, reach: float) -> shapely.LineStri
 def hinges(stage: Stage) -> Iterator[tuple[int, str, complex, complex]]:
     """Chain, name, neck centre and unit vector along the neck of all nine hinges."""
     placed = stage_frames(stage)
-    for chain, (k, name) in ((chain, named) for chain in CHAINS for named in enumerate(HINGE_NAMES)):
-        yield chain, name, complex(*placed.centres[chain - 1, k]), cmath.exp(1j * placed.axes[chain - 1, k])
+    for chain, (k, name) in (
+        (chain, named) for chain in CHAINS for named in enumerate(HINGE_NAMES)
+    ):
+        yield (
+            chain,
+            name,
+            complex(*placed.centres[chain - 1, k]),
+            cmath.exp(1j * placed.axes[chain - 1, k]),
+        )
 
 
 def test_twelve_faces_make_one_ring_around_the_hub(stage: Stage) -> None:
     shapes = polygons(stage)
     whole = shapely.union_all(list(shapes.values()), grid_size=GRID)
     assert whole.geom_type == "Polygon" and len(whole.interiors) == 1
-    assert whole.area == pytest.approx(sum(shape.area for shape in shapes.values()), rel=1e-8)  # GRID times perimeter
+    assert whole.area == pytest.approx(
+        sum(shape.area for shape in shapes.values()), rel=1e-8
+    )  # GRID times perimeter
     hub = shapely.Polygon(whole.interiors[0])
     assert hub.area == pytest.approx(np.pi * stage.platform.hub_radius**2, rel=1e-5)  # chords
     assert abs(complex(hub.centroid.x, hub.centroid.y)) < 1e-6
@@ -64,14 +80,23 @@ def test_twelve_faces_make_one_ring_around_the_hub(stage: Stage) -> None:
 
 def test_links_are_as_wide_as_the_file_says_all_along(stage: Stage) -> None:
     shapes = polygons(stage)
-    width, measured = stage.chain.link_width, 0
+    width = stage.chain.link_width
+    measured = 0
     for chain in CHAINS:
         for body, line in zip(BODIES, centrelines(stage, chain), strict=False):
             for segment in turn(line, chain):
                 for share in (0.12, 0.5, 0.93):
-                    place, outward = complex(segment.at(share)), 1j * complex(segment.tangent(share))
-                    found = shapes[chain, body].intersection(across(place, outward, 0.55 * width)).length
-                    assert found == pytest.approx(width, abs=3 * CHORD), (chain, body)  # wide arcs, longer chords
+                    place = complex(segment.at(share))
+                    outward = 1j * complex(segment.tangent(share))
+                    found = (
+                        shapes[chain, body]
+                        .intersection(across(place, outward, 0.55 * width))
+                        .length
+                    )
+                    assert found == pytest.approx(width, abs=3 * CHORD), (
+                        chain,
+                        body,
+                    )  # wide arcs, longer chords
                     measured += 1
     assert measured > 9 * 6  # a pad and two links of several segments
 
@@ -89,7 +114,9 @@ def test_pads_are_square_and_clamped_along_their_back(stage: Stage) -> None:
             assert abs((edge.start + edge.end) / 2 - back) < ROUND_OFF
 
 
-def test_two_degrees_of_rim_between_lugs_are_enough_and_less_is_refused(make_stage: Callable[..., Stage]) -> None:
+def test_two_degrees_of_rim_between_lugs_are_enough_and_less_is_refused(
+    make_stage: Callable[..., Stage],
+) -> None:
     """A lug of 117.95 degrees leaves 2.05, one of 118.05 degrees 1.95."""
     crowded = {"chain.joint_angles_deg": [175.0, -85.0, 70.0], "platform.hub_radius_mm": 2.0}
     stage = make_stage({**crowded, "platform.radius_mm": 9.26833})
@@ -108,7 +135,8 @@ def near(value: float, by: float) -> st.SearchStrategy[float]:
 
 
 AXES = st.one_of(st.none(), st.floats(-360.0, 360.0))
-# Half of the designs keep their default axes and most keep a modest width: else nearly all would be refused.
+# Half of the designs keep their default axes and most keep a modest width: else nearly all would be
+# refused.
 CHANGES = st.fixed_dictionaries(
     {
         "chain.link_lengths_mm": st.tuples(about(31.0, 0.3), about(33.5, 0.3), about(25.0, 0.3)),
@@ -127,7 +155,11 @@ CHANGES = st.fixed_dictionaries(
 )
 OVERRIDES = st.lists(
     st.fixed_dictionaries(
-        {"chain": st.integers(1, 3), "hinge": st.sampled_from(HINGE_NAMES), "neck_mm": st.floats(0.02, 1.5)},
+        {
+            "chain": st.integers(1, 3),
+            "hinge": st.sampled_from(HINGE_NAMES),
+            "neck_mm": st.floats(0.02, 1.5),
+        },
         optional={"radius_mm": st.floats(0.3, 4.0), "axis_deg": st.floats(-360.0, 360.0)},
     ),
     max_size=2,
@@ -137,7 +169,9 @@ OVERRIDES = st.lists(
 
 @settings(max_examples=50, derandomize=True, deadline=None)
 @given(CHANGES, OVERRIDES)
-def test_any_stage_is_refused_in_one_line_or_drawn_in_one_piece(make_stage, changes, override) -> None:
+def test_any_stage_is_refused_in_one_line_or_drawn_in_one_piece(
+    make_stage, changes, override
+) -> None:
     stage = make_stage({**changes, "override": override})
     try:
         check_feasible(stage)
@@ -147,5 +181,9 @@ def test_any_stage_is_refused_in_one_line_or_drawn_in_one_piece(make_stage, chan
     shapes = polygons(stage, 0.02)
     assert all(area(face.loop) > 0 for _, _, face in thirds(stage))
     whole = shapely.union_all(list(shapes.values()), grid_size=GRID)
-    assert whole.geom_type == "Polygon" and len(whole.interiors) >= 1  # more when neighbouring chains touch
-    assert whole.area == pytest.approx(sum(shape.area for shape in shapes.values()), rel=1e-6)  # GRID times perimeter
+    assert (
+        whole.geom_type == "Polygon" and len(whole.interiors) >= 1
+    )  # more when neighbouring chains touch
+    assert whole.area == pytest.approx(
+        sum(shape.area for shape in shapes.values()), rel=1e-6
+    )  # GRID times perimeter

@@ -22,7 +22,9 @@ def together(stages: list[Stage]) -> Designs:
     """Stages as one batch of designs."""
     each = [lower(stage) for stage in stages]
     names = [field.name for field in fields(Designs) if field.name not in ("plane", "prismatic")]
-    return replace(each[0], **{name: np.concatenate([getattr(one, name) for one in each]) for name in names})
+    return replace(
+        each[0], **{name: np.concatenate([getattr(one, name) for one in each]) for name in names}
+    )
 
 
 def random_stages(make_stage: Callable[..., Stage]) -> list[Stage]:
@@ -31,7 +33,11 @@ def random_stages(make_stage: Callable[..., Stage]) -> list[Stage]:
     def one() -> Stage:
         return make_stage(
             {
-                "chain.link_lengths_mm": [rng.uniform(3, 40), rng.uniform(3, 40), rng.uniform(15, 30)],
+                "chain.link_lengths_mm": [
+                    rng.uniform(3, 40),
+                    rng.uniform(3, 40),
+                    rng.uniform(15, 30),
+                ],
                 "chain.joint_angles_deg": [rng.uniform(-180, 180) for _ in range(3)],
                 "chain.link_width_mm": rng.uniform(4, 12),
                 "hinges.base.radius_mm": rng.uniform(1, 4),
@@ -46,7 +52,9 @@ def random_stages(make_stage: Callable[..., Stage]) -> list[Stage]:
 
 def impossible(stage: Stage) -> bool:
     """By plain geometry, hinge by hinge and pair by pair, from the file's own numbers."""
-    lengths, heading, at = stage.chain.link_lengths, 0.0, []
+    lengths = stage.chain.link_lengths
+    heading = 0.0
+    at = []
     for length, angle in zip(lengths, stage.chain.joint_angles, strict=True):
         heading += angle
         at.append(length * cmath.exp(1j * heading))
@@ -56,12 +64,15 @@ def impossible(stage: Stage) -> bool:
         for chain in range(3)
         for centre, name in zip(first, ("base", "elbow", "platform"), strict=True)
     ]
-    width, disc = stage.chain.link_width, stage.platform.radius
+    width = stage.chain.link_width
+    disc = stage.platform.radius
     return (
         stage.platform.hub_radius >= disc
         or any(hinge.neck >= width or hinge.neck + 2 * hinge.radius > width for _, hinge in hinges)
         or any(abs(centre) <= disc + hinge.radius + hinge.neck / 2 for centre, hinge in hinges)
-        or any(abs(one - two) <= a.radius + b.radius for (one, a), (two, b) in combinations(hinges, 2))
+        or any(
+            abs(one - two) <= a.radius + b.radius for (one, a), (two, b) in combinations(hinges, 2)
+        )
     )
 
 
@@ -73,9 +84,13 @@ def refused(stage: Stage) -> bool:
     return False
 
 
-def test_many_designs_break_what_plain_geometry_says_and_so_does_each_alone(make_stage: Callable[..., Stage]) -> None:
+def test_many_designs_break_what_plain_geometry_says_and_so_does_each_alone(
+    make_stage: Callable[..., Stage],
+) -> None:
     stages = random_stages(make_stage)
-    where = np.any([each.where for each in (one.broken for one in conditions(together(stages)))], axis=0)
+    where = np.any(
+        [each.where for each in (one.broken for one in conditions(together(stages)))], axis=0
+    )
     expected = np.array([impossible(stage) for stage in stages])
     assert np.array_equal(where, expected)
     assert [refused(stage) for stage in stages[:40]] == expected[:40].tolist()
@@ -86,10 +101,20 @@ def test_many_designs_break_what_plain_geometry_says_and_so_does_each_alone(make
     ("reason", "key", "outside", "inside"),
     [
         ("neck as wide", "hinges.elbow.neck_mm", 8.9, 8.8999),
-        ("notch deeper", "hinges.elbow.radius_mm", 4.2151, (8.9 - 0.47) / 2),  # a difference of decimals
+        (
+            "notch deeper",
+            "hinges.elbow.radius_mm",
+            4.2151,
+            (8.9 - 0.47) / 2,
+        ),  # a difference of decimals
         ("hub larger", "platform.hub_radius_mm", 16.3, 16.2999),
         ("covers", "platform.radius_mm", 23.2951, 23.2949),  # 25 - 1.4 - 0.61 / 2
-        ("closer", "chain.link_lengths_mm", [5.4999, 33.5, 25.0], [5.5001, 33.5, 25.0]),  # 3.9 + 1.6
+        (
+            "closer",
+            "chain.link_lengths_mm",
+            [5.4999, 33.5, 25.0],
+            [5.5001, 33.5, 25.0],
+        ),  # 3.9 + 1.6
     ],
 )
 def test_a_condition_turns_at_its_limit(

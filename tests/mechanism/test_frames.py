@@ -1,6 +1,8 @@
-"""The skeleton against (19) to (21) walked link by link: both models stand on it, so neither would see it wrong.
+"""The skeleton against (19) to (21) walked link by link: both models stand on it, so neither would
+see it wrong.
 
-What is remembered of a stage is that stage's, and nobody can change it for the others."""
+What is remembered of a stage is that stage's, and nobody can change it for the others.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,14 @@ def test_hinges_of_chain_one_in_closed_form() -> None:
 @pytest.mark.parametrize("chain", [1, 2])
 def test_chains_are_chain_one_turned_by_120_degrees(chain: int) -> None:
     given = np.tile(SLANTED[0], (3, 1))  # the file gives an axis once, in the frame of chain 1
-    placed, turn = frames(LENGTHS, ANGLES, given), rotation(chain * 2 * np.pi / 3)
-    np.testing.assert_allclose(placed.centres[chain], placed.centres[0] @ turn.T, rtol=0, atol=ROUND_OFF)
-    np.testing.assert_allclose(direction(placed.axes[chain]), direction(placed.axes[0]) @ turn.T, atol=ROUND_OFF)
+    placed = frames(LENGTHS, ANGLES, given)
+    turn = rotation(chain * 2 * np.pi / 3)
+    np.testing.assert_allclose(
+        placed.centres[chain], placed.centres[0] @ turn.T, rtol=0, atol=ROUND_OFF
+    )
+    np.testing.assert_allclose(
+        direction(placed.axes[chain]), direction(placed.axes[0]) @ turn.T, atol=ROUND_OFF
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -53,7 +60,10 @@ def test_necks_point_from_the_base_side_to_the_platform_side(seed: int) -> None:
 
 def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage) -> None:
     stage = make_stage(
-        {"hinges.elbow.axis_deg": 160.0, "override": [{"chain": 3, "hinge": "elbow", "axis_deg": 141.0}]}
+        {
+            "hinges.elbow.axis_deg": 160.0,
+            "override": [{"chain": 3, "hinge": "elbow", "axis_deg": 141.0}],
+        }
     )
     axes = np.full((3, 3), np.nan)
     axes[:, HINGE_NAMES.index("elbow")] = np.deg2rad([160.0, 160.0, 141.0])
@@ -63,7 +73,9 @@ def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage)
     np.testing.assert_array_equal(found.axes, expected.axes)
 
 
-def test_what_was_computed_of_a_stage_is_not_computed_again_and_leaves_with_it(make_stage: StageMaker) -> None:
+def test_what_was_computed_of_a_stage_is_not_computed_again_and_leaves_with_it(
+    make_stage: StageMaker,
+) -> None:
     asked = []
 
     @once
@@ -71,8 +83,15 @@ def test_what_was_computed_of_a_stage_is_not_computed_again_and_leaves_with_it(m
         asked.append((stage, chain))
         return stage.chain.link_lengths[chain] * (2 if twice else 1)
 
-    one, other = make_stage(), make_stage()
-    found = [length(one, 1), length(one, 2), length(one, 1), length(one, 1, twice=True), length(one, 1)]
+    one = make_stage()
+    other = make_stage()
+    found = [
+        length(one, 1),
+        length(one, 2),
+        length(one, 1),
+        length(one, 1, twice=True),
+        length(one, 1),
+    ]
     assert found == [33.5, 25.0, 33.5, 67.0, 33.5] and len(asked) == 3
     length(other, 1)
     assert asked[-1][0] is other and len(asked) == 4

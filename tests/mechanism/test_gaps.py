@@ -9,15 +9,27 @@ ROUND_OFF = 1e-9  # mm, of polygons without arcs
 
 
 def guide():
-    """A stage between two leaves, a stop at 2.3 mm on its right side, and a slit of 0.35 mm beside each leaf.
+    """A stage between two leaves, a stop at 2.3 mm on its right side, and a slit of 0.35 mm beside
+    each leaf.
 
     The slits are in the ground, whose blocks reach 12 mm down beside the leaves of 0.4 mm.
     """
-    leaf = {"between": ("ground", "stage"), "direction": -1.5707963267948966, "shape": "leaf", "neck": 0.4}
+    leaf = {
+        "between": ("ground", "stage"),
+        "direction": -1.5707963267948966,
+        "shape": "leaf",
+        "neck": 0.4,
+    }
     return flexfem.Mechanism(
         name="guide",
         thickness=9.0,
-        material={"name": "m", "youngs_modulus": 7e4, "poissons_ratio": 0.3, "density": 2700.0, "yield_strength": 400},
+        material={
+            "name": "m",
+            "youngs_modulus": 7e4,
+            "poissons_ratio": 0.3,
+            "density": 2700.0,
+            "yield_strength": 400,
+        },
         body=[
             {"name": "stage", "outline": [(-15, -8), (15, -8), (15, 8), (-15, 8)]},
             {
@@ -27,13 +39,18 @@ def guide():
             },
             {"name": "stop", "outline": [(17.3, -5), (25, -5), (25, 1), (17.3, 1)], "fixed": True},
         ],
-        hinge=[{**leaf, "name": f"leaf {x}", "at": (x, 26.5), "length": 37.0, "cut": 1.1} for x in (-11, 11)],
+        hinge=[
+            {**leaf, "name": f"leaf {x}", "at": (x, 26.5), "length": 37.0, "cut": 1.1}
+            for x in (-11, 11)
+        ],
         output={"body": "stage", "at": (0.0, 0.0)},
     )
 
 
 def test_the_smallest_gaps_are_those_of_the_drawing():
-    """A slit is (1.1 - 0.4) / 2 wide. Ground and stop are both fixed, and 32 mm apart; they cannot touch."""
+    """A slit is (1.1 - 0.4) / 2 wide. Ground and stop are both fixed, and 32 mm apart; they cannot
+    touch.
+    """
     found = smallest_gaps(guide().layout, 10)
     by_parts = {gap.parts: gap for gap in found}
     stage, ground, stop, left, right = range(5)
@@ -51,7 +68,9 @@ def test_a_short_list_has_the_smallest_of_all():
     layout = guide().layout
     whole = [gap.width for gap in smallest_gaps(layout, 10)]
     for count in range(1, 7):
-        assert [gap.width for gap in smallest_gaps(layout, count)] == pytest.approx(whole[:count], abs=ROUND_OFF)
+        assert [gap.width for gap in smallest_gaps(layout, count)] == pytest.approx(
+            whole[:count], abs=ROUND_OFF
+        )
 
 
 def test_check_lists_the_gaps():

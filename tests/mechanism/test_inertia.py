@@ -7,18 +7,28 @@ import math
 import numpy as np
 import pytest
 
-from flexfem.mechanism.bodies import Payload, body_moments, carried_out_of_plane, draw_sector, drawn_inertia
+from flexfem.mechanism.bodies import (
+    Payload,
+    body_moments,
+    carried_out_of_plane,
+    draw_sector,
+    drawn_inertia,
+)
 from flexfem.mechanism.outlines import Segment, area, area_moments, polygon_points, polyline
 
 from ..conftest import UNLIKE, with_changes
 
 
 def test_moments_of_a_half_disc_aside():
-    """About the origin: area, first moments by the centroid 4 r / 3 pi, polar moment by Steiner twice."""
-    r, at = 3.0, 5 - 2j
+    """About the origin: area, first moments by the centroid 4 r / 3 pi, polar moment by Steiner
+    twice.
+    """
+    r = 3.0
+    at = 5 - 2j
     quarter = at + r * 1j
     loop = [Segment(at + r, quarter, at), Segment(quarter, at - r, at), *polyline(at - r, at + r)]
-    A, centroid = math.pi * r**2 / 2, at + 1j * 4 * r / (3 * math.pi)
+    A = math.pi * r**2 / 2
+    centroid = at + 1j * 4 * r / (3 * math.pi)
     polar = math.pi * r**4 / 4 - A * (4 * r / (3 * math.pi)) ** 2 + A * abs(centroid) ** 2
     np.testing.assert_allclose(area_moments(loop)[:3], [A, A * centroid, polar], rtol=1e-13)
 
@@ -31,7 +41,8 @@ def test_bodies_have_the_area_and_polar_moment_of_their_polygons():
             assert found[0] == pytest.approx(area(face.loop), rel=1e-13)
             x, y = polygon_points(face.loop, math.pi / 2000).T
             cross = x * np.roll(y, -1) - np.roll(x, -1) * y
-            xx, yy = np.roll(x, -1), np.roll(y, -1)
+            xx = np.roll(x, -1)
+            yy = np.roll(y, -1)
             polar = np.sum(cross * (x**2 + x * xx + xx**2 + y**2 + y * yy + yy**2)) / 12
             assert found[2].real == pytest.approx(polar, rel=1e-6)
 
@@ -39,7 +50,9 @@ def test_bodies_have_the_area_and_polar_moment_of_their_polygons():
 def test_the_whole_stage_has_the_mass_of_its_drawn_area_hub_included():
     """9.7 mm thick, 2739 kg/m^3; the hub is metal."""
     stage = with_changes({"override": UNLIKE})
-    drawn = sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
+    drawn = sum(
+        area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values()
+    )
     kilograms = (drawn + math.pi * 7.7**2) * 9.7 * 2739e-9
     assert drawn_inertia(stage)[0, 0] * 1e3 == pytest.approx(kilograms, rel=1e-12)
     assert 0.05 < kilograms < 0.15

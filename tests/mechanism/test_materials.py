@@ -14,7 +14,12 @@ from flexfem import sources
 from flexfem.mechanism import materials
 
 REFERENCE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
-NUMBERS = {"youngs_modulus": 141.3e3, "poissons_ratio": 0.29, "yield_strength": 276.0, "density": 8050.0}
+NUMBERS = {
+    "youngs_modulus": 141.3e3,
+    "poissons_ratio": 0.29,
+    "yield_strength": 276.0,
+    "density": 8050.0,
+}
 NUMBERS_OF_FILES = "youngs_modulus_gpa|poissons_ratio|density_kg_m3|yield_strength_mpa"
 
 
@@ -44,10 +49,15 @@ def named(tmp_path):
 
 
 def test_shipped_materials_have_the_numbers_that_their_sources_state():
-    """Literally, and in the units of the source, which states every one of the four: ksi, g/cm^3, psi."""
+    """Literally, and in the units of the source, which states every one of the four: ksi, g/cm^3,
+    psi.
+    """
     assert "data/materials.toml" in sources.manifest()  # part of the versions of a study
     known = flexfem.materials()
-    assert {name: (m.youngs_modulus, m.poissons_ratio, m.density, m.yield_strength) for name, m in known.items()} == {
+    assert {
+        name: (m.youngs_modulus, m.poissons_ratio, m.density, m.yield_strength)
+        for name, m in known.items()
+    } == {
         "al-7075-t6": (71700.0, 0.33, 2810.0, 503.0),
         "al-6061-t6": (68900.0, 0.33, 2700.0, 276.0),
         "al-2024-t4": (73000.0, 0.33, 2780.0, 303.0),
@@ -57,15 +67,24 @@ def test_shipped_materials_have_the_numbers_that_their_sources_state():
         "steel-301-full-hard": (193000.0, 0.29, 7880.0, 965.0),
         "steel-304": (193000.0, 0.29, 8000.0, 215.0),
         "invar-36": (141000.0, 0.29, 8050.0, 207.0),
-    }  # fmt: skip
+    }
 
 
 def test_fatigue_constants_are_those_of_dowlings_table_and_no_others():
     """N. E. Dowling, Mechanical Behavior of Materials, 4th ed., Table 9.1."""
-    known = {name: m for name, m in flexfem.materials().items() if m.fatigue_strength_coefficient is not None}
-    assert {name: (m.fatigue_strength_coefficient, m.fatigue_strength_exponent) for name, m in known.items()} == {
-        "al-2024-t4": (900.0, -0.102), "ti-6al-4v-sta": (2030.0, -0.104), "steel-4340": (1758.0, -0.0977)
-    }  # fmt: skip
+    known = {
+        name: m
+        for name, m in flexfem.materials().items()
+        if m.fatigue_strength_coefficient is not None
+    }
+    assert {
+        name: (m.fatigue_strength_coefficient, m.fatigue_strength_exponent)
+        for name, m in known.items()
+    } == {
+        "al-2024-t4": (900.0, -0.102),
+        "ti-6al-4v-sta": (2030.0, -0.104),
+        "steel-4340": (1758.0, -0.0977),
+    }
 
 
 FATIGUE = ["fatigue_strength_coefficient_mpa = 1200", "fatigue_strength_exponent = -0.12"]
@@ -74,25 +93,53 @@ FATIGUE = ["fatigue_strength_coefficient_mpa = 1200", "fatigue_strength_exponent
 @pytest.mark.parametrize(
     ("lines", "said"),
     [
-        ([FATIGUE[0], "fatigue_strength_exponent = 0.12"], "fatigue_strength_exponent = 0.12, expected -0.5 to -0.01"),
-        ([FATIGUE[0], "fatigue_strength_exponent = 0.0"], "fatigue_strength_exponent = 0.0, expected -0.5 to -0.01"),
+        (
+            [FATIGUE[0], "fatigue_strength_exponent = 0.12"],
+            "fatigue_strength_exponent = 0.12, expected -0.5 to -0.01",
+        ),
+        (
+            [FATIGUE[0], "fatigue_strength_exponent = 0.0"],
+            "fatigue_strength_exponent = 0.0, expected -0.5 to -0.01",
+        ),
         ([FATIGUE[0]], "coefficient_mpa = 1200, expected fatigue_strength_exponent as well"),
         ([FATIGUE[1]], "exponent = -0.12, expected fatigue_strength_coefficient_mpa as well"),
-        (["walker_exponent = 0.6"], "walker_exponent = 0.6, expected fatigue_strength_coefficient_mpa as well"),
+        (
+            ["walker_exponent = 0.6"],
+            "walker_exponent = 0.6, expected fatigue_strength_coefficient_mpa as well",
+        ),
         ([*FATIGUE, "walker_exponent = 1.2"], "material.walker_exponent = 1.2, expected <= 1"),
-        ([*FATIGUE, "fatigue_range_cycles = [1e6, 1e3]"], "expected the lower number of cycles first"),
-        ([*FATIGUE, "fatigue_range_cycles = [0.0, 1e3]"], "fatigue_range_cycles[0] = 0.0, expected > 0"),
-        (["fatigue_strength_coefficient_mpa = 1.2", FATIGUE[1]], "coefficient_mpa = 1.2, expected 0.5 to 50 of"),
-        (["fatigue_strength_coefficient_mpa = 3e4", FATIGUE[1]], "expected 0.5 to 50 of yield_strength_mpa: other"),
+        (
+            [*FATIGUE, "fatigue_range_cycles = [1e6, 1e3]"],
+            "expected the lower number of cycles first",
+        ),
+        (
+            [*FATIGUE, "fatigue_range_cycles = [0.0, 1e3]"],
+            "fatigue_range_cycles[0] = 0.0, expected > 0",
+        ),
+        (
+            ["fatigue_strength_coefficient_mpa = 1.2", FATIGUE[1]],
+            "coefficient_mpa = 1.2, expected 0.5 to 50 of",
+        ),
+        (
+            ["fatigue_strength_coefficient_mpa = 3e4", FATIGUE[1]],
+            "expected 0.5 to 50 of yield_strength_mpa: other",
+        ),
         (["density_kg_m3 = -2810"], "density_kg_m3 = -2810, expected > 0"),
     ],
 )
 def test_impossible_fatigue_data_is_refused_in_one_line(named, lines, said):
-    plain = ["name = 'own'", "youngs_modulus_gpa = 71.7", "poissons_ratio = 0.33", "yield_strength_mpa = 503"]
+    plain = [
+        "name = 'own'",
+        "youngs_modulus_gpa = 71.7",
+        "poissons_ratio = 0.33",
+        "yield_strength_mpa = 503",
+    ]
     plain += [] if "density" in lines[0] else ["density_kg_m3 = 2810"]
     with pytest.raises(flexfem.BadInput, match=re.escape(said)) as refused:
         flexfem.load(named(*plain, *lines))
-    assert re.match(r".*stage\.toml, line \d+: material\.", str(refused.value)) and "\n" not in str(refused.value)
+    assert re.match(r".*stage\.toml, line \d+: material\.", str(refused.value)) and "\n" not in str(
+        refused.value
+    )
 
 
 OWN = """
@@ -112,12 +159,20 @@ def test_a_material_of_a_file_beside_the_stage_has_its_numbers_and_sources(named
     """By number as if the stage said so itself: same hash; written out it no longer needs the file."""
     (tmp_path / "own.toml").write_text(OWN)
     stage = flexfem.load(named('name = "house alloy"', 'file = "own.toml"'))
-    assert (stage.material.youngs_modulus, stage.material.fatigue_strength_exponent) == (70300.0, -0.12)
+    assert (stage.material.youngs_modulus, stage.material.fatigue_strength_exponent) == (
+        70300.0,
+        -0.12,
+    )
     assert stage.provenance["material"] == "works certificate 7 (house alloy), own.toml"
-    assert "material.poissons_ratio" in stage.assumed and "material.density_kg_m3" not in stage.assumed
+    assert (
+        "material.poissons_ratio" in stage.assumed and "material.density_kg_m3" not in stage.assumed
+    )
     stage.save(tmp_path / "alone.toml")
     alone = flexfem.load(tmp_path / "alone.toml")
-    assert alone.hash == stage.hash and "file" not in (tmp_path / "alone.toml").read_text().partition("[chain]")[0]
+    assert (
+        alone.hash == stage.hash
+        and "file" not in (tmp_path / "alone.toml").read_text().partition("[chain]")[0]
+    )
     assert stage.replace(material={"fatigue_strength_exponent": -0.13}).hash != stage.hash
 
 
@@ -142,31 +197,65 @@ def test_a_bad_file_of_materials_is_refused_with_its_line(named, tmp_path, old, 
 
 def test_a_name_alone_is_the_material_with_its_numbers_and_its_source(named, capsys):
     """Same hash as with the numbers written out, which baselines and stored parts of studies go by."""
-    stage, reference = flexfem.load(named('name = "al-7075-t6"')), flexfem.load(REFERENCE)
+    stage = flexfem.load(named('name = "al-7075-t6"'))
+    reference = flexfem.load(REFERENCE)
     assert stage.hash == reference.hash and stage.material.name == "al-7075-t6"
     assert stage.not_stated == () and "material.youngs_modulus_gpa" not in stage.assumed
     sources = [text for key, text in stage.sources.items() if key.startswith("material")]
-    assert len(sources) >= 4 and all("ASM data sheet" in text and "(al-7075-t6)" in text for text in sources)
-    same = flexfem.load(named('name = "al-7075-t6"', "density_kg_m3 = 2810", "youngs_modulus_gpa = 71.7"))
+    assert len(sources) >= 4 and all(
+        "ASM data sheet" in text and "(al-7075-t6)" in text for text in sources
+    )
+    same = flexfem.load(
+        named('name = "al-7075-t6"', "density_kg_m3 = 2810", "youngs_modulus_gpa = 71.7")
+    )
     assert same == stage
     material = flexfem.load(named('name = "ti-6al-4v"')).material
     assert (material.youngs_modulus, material.poissons_ratio) == (113.8e3, 0.342)
     assumed = flexfem.register_material("a guess", **NUMBERS, source="assumed: no data sheet")
     path = named('name = "a guess"')
-    assert flexfem.load(path).material == assumed and "material.density_kg_m3" in flexfem.load(path).assumed
+    assert (
+        flexfem.load(path).material == assumed
+        and "material.density_kg_m3" in flexfem.load(path).assumed
+    )
     path.write_text(path.read_text() + '"material.density_kg_m3" = "weighed"\n')
-    assert "material.density_kg_m3" not in flexfem.load(path).assumed, "the file's own source goes first"
+    assert "material.density_kg_m3" not in flexfem.load(path).assumed, (
+        "the file's own source goes first"
+    )
 
 
 REFUSED = {
-    "unknown": (['name = "al-7075-t5"'], 8, 'material.name = "al-7075-t5", expected a registered material (al-7075'),
-    "contradiction": (['name = "ti-6al-4v"', "density_kg_m3 = 4431.0"], 9, "4431.0, expected 4430 of the"),
-    "modulus": (['name = "ti-6al-4v"', "youngs_modulus_gpa = 113"], 9, "113, expected 113.8 of the registered"),
-    "misspelt": (['name = "ti-6al-4v"', "density = 4430.0"], 9, "unknown key, did you mean density_kg_m3?"),
-    "free, in part": (['name = "free"', "poissons_ratio = 0.3"], 7, "youngs_modulus_gpa, material.density_kg_m3 and"),
-    "no name": (["poissons_ratio = 0.3"], 7, "material.name, material.youngs_modulus_gpa, material.density_kg_m3 and"),
+    "unknown": (
+        ['name = "al-7075-t5"'],
+        8,
+        'material.name = "al-7075-t5", expected a registered material (al-7075',
+    ),
+    "contradiction": (
+        ['name = "ti-6al-4v"', "density_kg_m3 = 4431.0"],
+        9,
+        "4431.0, expected 4430 of the",
+    ),
+    "modulus": (
+        ['name = "ti-6al-4v"', "youngs_modulus_gpa = 113"],
+        9,
+        "113, expected 113.8 of the registered",
+    ),
+    "misspelt": (
+        ['name = "ti-6al-4v"', "density = 4430.0"],
+        9,
+        "unknown key, did you mean density_kg_m3?",
+    ),
+    "free, in part": (
+        ['name = "free"', "poissons_ratio = 0.3"],
+        7,
+        "youngs_modulus_gpa, material.density_kg_m3 and",
+    ),
+    "no name": (
+        ["poissons_ratio = 0.3"],
+        7,
+        "material.name, material.youngs_modulus_gpa, material.density_kg_m3 and",
+    ),
     "no text": (["name = 3"], 8, "material.name = 3, expected text in quotes"),
-}  # fmt: skip
+}
 
 
 def test_a_stage_that_contradicts_a_name_or_leaves_it_open_is_refused_with_file_line_and_key(named):
@@ -174,30 +263,51 @@ def test_a_stage_that_contradicts_a_name_or_leaves_it_open_is_refused_with_file_
         path = named(*lines)
         with pytest.raises(flexfem.BadInput) as refused:
             flexfem.load(path)
-        assert str(refused.value).startswith(f"{path}, line {line}: ") and said in str(refused.value), (what, refused)
+        assert str(refused.value).startswith(f"{path}, line {line}: ") and said in str(
+            refused.value
+        ), (what, refused)
         assert "\n" not in str(refused.value)
 
 
 def test_a_material_of_ones_own_is_registered_in_one_line_and_makes_the_stage(named):
     own = flexfem.register_material("invar, lot 7", **NUMBERS, source="certificate 12")
-    assert flexfem.register_material("invar, lot 7", **NUMBERS, source="certificate 12") == own, "again the same"
+    assert flexfem.register_material("invar, lot 7", **NUMBERS, source="certificate 12") == own, (
+        "again the same"
+    )
     assert flexfem.materials()["invar, lot 7"] == own == flexfem.Material(name="invar, lot 7")
-    stage, reference = flexfem.load(named('name = "invar, lot 7"')), flexfem.load(REFERENCE)
-    assert stage.material.youngs_modulus == 141.3e3 and stage.provenance["material"] == "certificate 12 (invar, lot 7)"
+    stage = flexfem.load(named('name = "invar, lot 7"'))
+    reference = flexfem.load(REFERENCE)
+    assert (
+        stage.material.youngs_modulus == 141.3e3
+        and stage.provenance["material"] == "certificate 12 (invar, lot 7)"
+    )
     np.testing.assert_allclose(
         flexfem.analyse(stage, 6).stiffness.diagonal(),
         flexfem.analyse(reference, 6).stiffness.diagonal() * 141.3 / 71.7,
         rtol=1e-12,
     )
     before = stage.hash
-    materials.REGISTERED["invar, lot 7"] = materials.Entry(**NUMBERS | {"density": 8051.0}, name="x", source="other")
-    assert flexfem.load(named('name = "invar, lot 7"')).hash != before, "another number under the name, another stage"
+    materials.REGISTERED["invar, lot 7"] = materials.Entry(
+        **NUMBERS | {"density": 8051.0}, name="x", source="other"
+    )
+    assert flexfem.load(named('name = "invar, lot 7"')).hash != before, (
+        "another number under the name, another stage"
+    )
 
 
 BAD = [
-    ({"name": "ti-6al-4v"}, "material 'ti-6al-4v': youngs_modulus = 141300.0, expected youngs_modulus_gpa 113.8 of"),
-    ({"name": "twice", "source": "another"}, "material 'twice' is known already, expected another name"),
-    ({"youngs_modulus": -3.0}, "material 'own': youngs_modulus = -3.0, expected youngs_modulus_gpa > 0"),
+    (
+        {"name": "ti-6al-4v"},
+        "material 'ti-6al-4v': youngs_modulus = 141300.0, expected youngs_modulus_gpa 113.8 of",
+    ),
+    (
+        {"name": "twice", "source": "another"},
+        "material 'twice' is known already, expected another name",
+    ),
+    (
+        {"youngs_modulus": -3.0},
+        "material 'own': youngs_modulus = -3.0, expected youngs_modulus_gpa > 0",
+    ),
     ({"poissons_ratio": 0.5}, "material 'own': poissons_ratio = 0.5, expected < 0.5"),
     ({"density": float("nan")}, "material 'own': density = nan, expected"),
     ({"yield_strength": "503"}, "material 'own': yield_strength = \"503\", expected a number"),
@@ -227,8 +337,15 @@ def test_a_changed_number_takes_the_name_away_and_another_name_brings_its_number
     for each in (stage, softer):
         each.save(tmp_path / "saved.toml")
         assert flexfem.load(tmp_path / "saved.toml") == each
-    assert softer.replace(material={"name": "al-6061-t6"}).material == flexfem.materials()["al-6061-t6"]
-    with pytest.raises(flexfem.BadInput, match=r'name = "ti-6al-4x", expected a registered material \(ti-6al-4v,'):
+    assert (
+        softer.replace(material={"name": "al-6061-t6"}).material
+        == flexfem.materials()["al-6061-t6"]
+    )
+    with pytest.raises(
+        flexfem.BadInput, match=r'name = "ti-6al-4x", expected a registered material \(ti-6al-4v,'
+    ):
         stage.replace(material="ti-6al-4x")
-    with pytest.raises(flexfem.BadInput, match=r"material\.density = 3.0, expected 4430 of the registered"):
+    with pytest.raises(
+        flexfem.BadInput, match=r"material\.density = 3.0, expected 4430 of the registered"
+    ):
         stage.replace(material={"name": "ti-6al-4v", "density": 3.0})

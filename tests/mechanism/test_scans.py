@@ -11,7 +11,9 @@ import flexfem as api
 from flexfem.mechanism.scans import scanned_rows
 from flexfem.refused import BadInput
 
-R_LEFT, R_RIGHT, GAP = 1.506, 1.679, 0.01533  # mm, of circles fitted to a public scan of a flexure
+R_LEFT = 1.506
+R_RIGHT = 1.679
+GAP = 0.01533  # mm, of circles fitted to a public scan of a flexure
 SCATTER = 2e-5  # mm
 TEXT = """
 name = "scanned"
@@ -46,10 +48,13 @@ at_mm = [0, 0]
 @pytest.fixture
 def scan(tmp_path):
     def write(scatter=SCATTER, count=1500, seed=3, digits=9):
-        rng, lines = np.random.default_rng(seed), ["# edges of a neck", "edge, x_mm, y_mm"]
+        rng = np.random.default_rng(seed)
+        lines = ["# edges of a neck", "edge, x_mm, y_mm"]
         for edge, radius, side in (("left", R_LEFT, 1), ("right", R_RIGHT, -1)):
             x = np.sort(rng.uniform(-1.3, 1.3, count))
-            y = side * (GAP / 2 + radius - np.sqrt(radius**2 - x**2)) + scatter * rng.standard_normal(count)
+            y = side * (
+                GAP / 2 + radius - np.sqrt(radius**2 - x**2)
+            ) + scatter * rng.standard_normal(count)
             lines += [f"{edge}, {a:.{digits}f}, {b:.7f}" for a, b in zip(x, y, strict=True)]
         (tmp_path / "scan.csv").write_text("\n".join(lines) + "\n")
         return tmp_path / "scan.csv"
@@ -63,7 +68,8 @@ def test_a_scan_becomes_a_neck_with_unequal_notches(scan, tmp_path):
     mechanism = api.load(tmp_path / "scanned.toml")
     (joint,) = mechanism.layout.joints
     assert joint.profile.neck == pytest.approx(GAP, rel=3e-3)
-    # thin circular notches, 2 E b t^2.5 / (9 pi sqrt R) with 2/R = 1/R_left + 1/R_right (Paros and Weisbord, 1965)
+    # thin circular notches, 2 E b t^2.5 / (9 pi sqrt R) with 2/R = 1/R_left + 1/R_right (Paros and
+    # Weisbord, 1965)
     radius = 2 / (1 / R_LEFT + 1 / R_RIGHT)
     closed = 2 * 131e3 * 6.35 * GAP**2.5 / (9 * math.pi * math.sqrt(radius))
     compliance = joint.profile.compliance(131e3, 0.3, 6.35)
@@ -85,7 +91,10 @@ def test_scatter_is_smoothed_and_rows_are_dense_at_the_neck(scan):
     ("text", "refusal"),
     [
         ("edge, x_mm\nleft, 1", "columns edge, x_mm, expected edge, x_mm, y_mm"),
-        ("edge, x_mm, y_mm\nupper, 1, 2", "line 2: upper, 1, 2, expected left or right, and two numbers"),
+        (
+            "edge, x_mm, y_mm\nupper, 1, 2",
+            "line 2: upper, 1, 2, expected left or right, and two numbers",
+        ),
         ("edge, x_mm, y_mm\nleft, 1, 2", "the left edge, expected at least 8 points"),
     ],
 )

@@ -1,4 +1,6 @@
-"""Drawings of mechanism files that are not finished: what there is, and the names of what is missing."""
+"""Drawings of mechanism files that are not finished: what there is, and the names of what is
+missing.
+"""
 
 from __future__ import annotations
 
@@ -39,23 +41,55 @@ at_mm = [0, 23]
 hinge = "assumed: a test"
 """
 OUTPUT = GUIDE[GUIDE.index("[output]") : GUIDE.index("[provenance]")]
-FAULTS = {  # the change of the file, the names of bodies and hinges that are drawn, and what is named
-    "material": (('material.name = "al-7075-t6"\n', ""), "base stage", "a, a 2", ["material is missing"]),
+# the change of the file, the names of bodies and hinges that are drawn, and what is named
+FAULTS = {
+    "material": (
+        ('material.name = "al-7075-t6"\n', ""),
+        "base stage",
+        "a, a 2",
+        ["material is missing"],
+    ),
     "output": ((OUTPUT, ""), "base stage", "a, a 2", ["output is missing"]),
     "ground": (("fixed = true\n", ""), "base stage", "a, a 2", ["no body is fixed, expected"]),
-    "hinge": (("neck_mm = 0.4\n", ""), "base stage", "", ["line 14: hinge.a.neck_mm", 'parts[0] = "a"',
-              "body.stage: hinges connect it to no other body"]),
-    "body": (('name = "stage"', 'name = "slide"'), "base slide", "a, a 2", ['line 16: hinge.a.between[1] = "stage"',
-             'line 26: output.body = "stage"']),
-    "key": (("at_mm = [0, 23]", "at_mm = [0, 23]\nturn = 3"), "base stage", "a, a 2",
-            ["line 28: output.turn is an unknown"]),
-    "outline": (('[20, "high"], [20, 29]', '[20, "hihg"], [20, 29]'), "base", "a, a 2",
-                ["line 13: body.stage.outline_mm[1][1]", "line 16: hinge.a.between[1]", "line 26: output.body"]),
-}  # fmt: skip
+    "hinge": (
+        ("neck_mm = 0.4\n", ""),
+        "base stage",
+        "",
+        [
+            "line 14: hinge.a.neck_mm",
+            'parts[0] = "a"',
+            "body.stage: hinges connect it to no other body",
+        ],
+    ),
+    "body": (
+        ('name = "stage"', 'name = "slide"'),
+        "base slide",
+        "a, a 2",
+        ['line 16: hinge.a.between[1] = "stage"', 'line 26: output.body = "stage"'],
+    ),
+    "key": (
+        ("at_mm = [0, 23]", "at_mm = [0, 23]\nturn = 3"),
+        "base stage",
+        "a, a 2",
+        ["line 28: output.turn is an unknown"],
+    ),
+    "outline": (
+        ('[20, "high"], [20, 29]', '[20, "hihg"], [20, 29]'),
+        "base",
+        "a, a 2",
+        [
+            "line 13: body.stage.outline_mm[1][1]",
+            "line 16: hinge.a.between[1]",
+            "line 26: output.body",
+        ],
+    ),
+}
 
 
 @pytest.mark.parametrize(("change", "bodies", "hinges", "named"), FAULTS.values(), ids=FAULTS)
-def test_what_there_is_is_drawn_and_what_is_missing_is_named_with_its_line(tmp_path, change, bodies, hinges, named):
+def test_what_there_is_is_drawn_and_what_is_missing_is_named_with_its_line(
+    tmp_path, change, bodies, hinges, named
+):
     assert change[0] in GUIDE
     path = tmp_path / "guide.toml"
     path.write_text(GUIDE.replace(*change))
@@ -78,10 +112,16 @@ def test_a_finished_file_lacks_nothing_and_one_without_a_body_is_refused(tmp_pat
         read_drawable(path)
 
 
-def test_view_draws_an_unfinished_file_with_a_list_of_what_is_missing_and_succeeds(tmp_path, flexfem, monkeypatch):
+def test_view_draws_an_unfinished_file_with_a_list_of_what_is_missing_and_succeeds(
+    tmp_path, flexfem, monkeypatch
+):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "guide.toml"
-    path.write_text(GUIDE.replace(OUTPUT, "").replace('between = ["base", "stage"]', 'between = ["base", "top"]'))
+    path.write_text(
+        GUIDE.replace(OUTPUT, "").replace(
+            'between = ["base", "stage"]', 'between = ["base", "top"]'
+        )
+    )
     code, out, _ = flexfem("view", path, "-o", "drawn")
     assert code == 0 and "output is missing" in out and 'hinge.a.between[1] = "top"' in out
     assert (tmp_path / "drawn" / "guide-drawing.png").stat().st_size > 10_000

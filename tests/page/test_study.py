@@ -36,7 +36,15 @@ points = 3
 """
 MAP = '[[figure]]\nkind = "map"\nx = "hinges.base.radius_mm"\ny = "other necks"\nvalue = "kxx_n_per_mm"\n'
 FRONT = '[[figure]]\nkind = "pareto"\nx = "range_x_um"\ny = "kxx_n_per_mm"\n'
-STATUS = {"designs": 12, "ok": 10, "refused": 2, "failed": 0, "open": 0, "warnings": [], "reasons": {}}
+STATUS = {
+    "designs": 12,
+    "ok": 10,
+    "refused": 2,
+    "failed": 0,
+    "open": 0,
+    "warnings": [],
+    "reasons": {},
+}
 
 
 def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
@@ -46,7 +54,13 @@ def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
 
 def page_of(source: Source, **status: list[str]) -> str:
     made = [make() for _, make in study_parts(source, findings(source), STATUS | status)]
-    said = {"subtitle": "", "assumptions": "", "command": "flexfem report", "made": "2026-01-02", "versions": {}}
+    said = {
+        "subtitle": "",
+        "assumptions": "",
+        "command": "flexfem report",
+        "made": "2026-01-02",
+        "versions": {},
+    }
     return html_of(made, title=source.loaded.study.name, **said)
 
 
@@ -59,15 +73,22 @@ def rows_of(html: str) -> dict[str, list[str]]:
 def test_the_numbers_of_a_front_are_those_of_the_table(tmp_path):
     scale = np.linspace(1.0, 2.0, 12)
     loaded = study(tmp_path, GRID + FRONT)
-    rows = rows_of(page_of(source_of(loaded, kxx_n_per_mm=123.456 * scale[::-1], range_x_um=34.5678 * scale)))
-    assert rows["11"] == ["69.136", "123.46", "3.5000", "0.80000"] and rows["4"][2:] == ["2.5000", "0.60000"]
+    rows = rows_of(
+        page_of(source_of(loaded, kxx_n_per_mm=123.456 * scale[::-1], range_x_um=34.5678 * scale))
+    )
+    assert rows["11"] == ["69.136", "123.46", "3.5000", "0.80000"] and rows["4"][2:] == [
+        "2.5000",
+        "0.60000",
+    ]
 
 
 def test_what_symmetry_makes_zero_is_zero_on_the_page(tmp_path):
     """Stiffnesses of 100 and 400 N/mm: 1.9e-10 is round-off of what couples them, 2.1e-10 is not."""
     ks = {"kxx_n_per_mm": np.full(12, 100.0), "kyy_n_per_mm": np.full(12, 400.0)}
     across = np.array([1.9e-10, *[2.1e-10] * 11])
-    html = page_of(source_of(study(tmp_path, GRID + MAP.replace('"kxx', '"kxy')), kxy_n_per_mm=across, **ks))
+    html = page_of(
+        source_of(study(tmp_path, GRID + MAP.replace('"kxx', '"kxy')), kxy_n_per_mm=across, **ks)
+    )
     rows = rows_of(html)
     assert (rows["least"][0], rows["most"][0]) == ("0", "2.1000×10⁻¹⁰")
 
@@ -76,7 +97,10 @@ def test_the_ends_of_a_map_are_below_it(tmp_path):
     """Stiffnesses from 50 to 61 in no order: 50 at the first design, 61 at the sixth."""
     source = source_of(study(tmp_path, GRID + MAP), kxx_n_per_mm=50.0 + 7 * np.arange(12) % 12)
     html = page_of(source, warnings=["nothing follows it"])
-    assert rows_of(html)["least"] == ["50.000", "2.0000", "0.40000"] and html.count("nothing follows it") == 1
+    assert (
+        rows_of(html)["least"] == ["50.000", "2.0000", "0.40000"]
+        and html.count("nothing follows it") == 1
+    )
     assert rows_of(html)["most"] == ["61.000", "2.5000", "0.80000"]
 
 
@@ -96,7 +120,9 @@ def test_hostile_names_stay_text(tmp_path):
 
 
 def test_a_figure_that_cannot_be_drawn_says_why_and_the_others_are_there(tmp_path):
-    bad = '[[output]]\nname = "root"\nexpression = "sqrt(kxx_n_per_mm - 1e9)"\n' + FRONT.replace("kxx_n_per_mm", "root")
+    bad = '[[output]]\nname = "root"\nexpression = "sqrt(kxx_n_per_mm - 1e9)"\n' + FRONT.replace(
+        "kxx_n_per_mm", "root"
+    )
     html = page_of(source_of(study(tmp_path, GRID + bad + MAP), root=np.full(12, np.nan)))
     assert "This figure is not drawn:" in html and "in size for 12 of 12" in html
     assert "least" in rows_of(html)
@@ -108,15 +134,21 @@ def test_a_study_that_was_run_becomes_a_page(flexfem):
     run_study("small.toml", "kept", workers=1)
     code, out, _ = flexfem("report", "small.toml", "--folder", "kept", "-o", "page.html", "--json")
     assert code == 0
-    said, html = json.loads(out), Path("page.html").read_text()
+    said = json.loads(out)
+    html = Path("page.html").read_text()
     assert said["bytes"] == len(html.encode()) < 1e6 and said["written"] == "page.html"
-    assert said["sections"][:2] == ["Stiffness XX against range in X at yield", "Settings of the study"]
+    assert said["sections"][:2] == [
+        "Stiffness XX against range in X at yield",
+        "Settings of the study",
+    ]
     assert "flexfem report small.toml -o page.html --folder kept" in html
 
 
 def test_factors_outputs_and_constraints_are_tables(tmp_path):
     """Of every kind of factor; a constraint without a label is named by its expression."""
-    sobol = GRID.replace('"grid"', '"sobol"\ndesigns = 12\nseed = 1').replace("points = 4\n", 'scale = "log"\n')
+    sobol = GRID.replace('"grid"', '"sobol"\ndesigns = 12\nseed = 1').replace(
+        "points = 4\n", 'scale = "log"\n'
+    )
     more = """
 [[factor]]
 key = "material.youngs_modulus_gpa"
@@ -143,8 +175,16 @@ most = 200
 """
     html = page_of(source_of(study(tmp_path, sobol.replace("points = 3\n", "") + more)))
     rows = rows_of(html)
-    assert rows["radius of base hinges"] == ["hinges.base.radius_mm", "mm", "from 2 to 3.5, logarithmic"]
-    assert rows["other necks"] == ["hinges.elbow.neck_mm, hinges.platform.neck_mm", "mm", "from 0.4 to 0.8"]
+    assert rows["radius of base hinges"] == [
+        "hinges.base.radius_mm",
+        "mm",
+        "from 2 to 3.5, logarithmic",
+    ]
+    assert rows["other necks"] == [
+        "hinges.elbow.neck_mm, hinges.platform.neck_mm",
+        "mm",
+        "from 0.4 to 0.8",
+    ]
     normal = "normal, mean 70, standard deviation 1.5, at least 66"
     assert rows["Young&#39;s modulus"] == ["material.youngs_modulus_gpa", "GPa", normal]
     assert rows["thickness"] == ["thickness_mm", "mm", "8, 10.5"]

@@ -1,4 +1,6 @@
-"""Every `plot_...` function draws on the axes it is given, in a figure of the user's, and leaves the rest alone."""
+"""Every `plot_...` function draws on the axes it is given, in a figure of the user's, and leaves
+the rest alone.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,8 @@ from ..design.recorded import recorded
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FIXTURE = STAGE.parents[1] / "cases" / "fixture.toml"
 CAPTION = Caption("A title", ["a line"], [])
-X, Y = AxisText("across", "mm"), AxisText("up", "N/mm")
+X = AxisText("across", "mm")
+Y = AxisText("up", "N/mm")
 POINTS = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7]])
 STEPS = np.geomspace(1e-6, 1.0, 7)
 LOADS = np.array([0.0, 1.0, 3.0, 5.0, 10.0])
@@ -49,7 +52,15 @@ def study_map() -> StudyMap:
 def front() -> ParetoFront:
     chosen = [Chosen(2, flexfem.load(STAGE), [(Y, 1.0)])]
     return ParetoFront(
-        CAPTION, X, Y, ("larger", "larger"), POINTS, np.array([2, 1, 0]), np.array([3]), chosen, ["none"]
+        CAPTION,
+        X,
+        Y,
+        ("larger", "larger"),
+        POINTS,
+        np.array([2, 1, 0]),
+        np.array([3]),
+        chosen,
+        ["none"],
     )
 
 
@@ -58,7 +69,9 @@ share = Share(*map(np.array, ([0.5, 0.3], [0.05, 0.02], [0.6, 0.4], [0.04, 0.03]
 percentiles = [Percentile(p, p / 10, p / 11, p / 9) for p in (2.5, 50.0, 97.5)]
 plain = cache(lambda: flexfem.load(STAGE))  # each answered once
 pushed = cache(lambda: flexfem.experiment(plain(), FIXTURE, models="analytic"))
-identified = cache(lambda: flexfem.identify(plain(), Measurement(name="slopes", measured=identified_slopes)))
+identified = cache(
+    lambda: flexfem.identify(plain(), Measurement(name="slopes", measured=identified_slopes))
+)
 driven = cache(lambda: flexfem.drive(plain(), pose=(2e-3, -1e-3, 5e-5), resolution=2))
 reached = cache(lambda: flexfem.reach(plain(), models="analytic"))
 displaced = cache(lambda: flexfem.large(plain(), models="analytic"))
@@ -69,9 +82,15 @@ DRAWN: dict[str, Any] = {
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
     "plot_displacement": lambda made: (made.fields(),),
-    "plot_drift": lambda made: (flexfem.drift(plain(), models="elements", resolution=4), "gradient in x"),
+    "plot_drift": lambda made: (
+        flexfem.drift(plain(), models="elements", resolution=4),
+        "gradient in x",
+    ),
     "plot_drive": lambda made: (driven(),),
-    "plot_errors": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}), "y"),
+    "plot_errors": lambda made: (
+        made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}),
+        "y",
+    ),
     "plot_mechanism_errors": lambda made: (made.guide_errors(), "y"),
     "plot_forces": lambda made: (driven(),),
     "plot_formulas": lambda made: (hinge_review(), "axial"),
@@ -104,10 +123,36 @@ DRAWN: dict[str, Any] = {
 
 def state(figure: Any, other: Any) -> tuple[Any, ...]:
     """What a figure has outside one of its axes, and what holds for all figures."""
-    kept = (figure.axes, figure.texts, figure.legends, figure.artists, figure.lines, figure.patches, figure.images)
-    look = (tuple(figure.get_size_inches()), figure.dpi, figure.get_layout_engine(), figure.get_suptitle())
-    beside = (len(other.get_children()), other.get_xlim(), other.get_ylim(), other.get_aspect(), other.axison)
-    return *map(list, kept), look, beside, other.get_position().bounds, dict(mpl.rcParams), pyplot.get_fignums()
+    kept = (
+        figure.axes,
+        figure.texts,
+        figure.legends,
+        figure.artists,
+        figure.lines,
+        figure.patches,
+        figure.images,
+    )
+    look = (
+        tuple(figure.get_size_inches()),
+        figure.dpi,
+        figure.get_layout_engine(),
+        figure.get_suptitle(),
+    )
+    beside = (
+        len(other.get_children()),
+        other.get_xlim(),
+        other.get_ylim(),
+        other.get_aspect(),
+        other.axison,
+    )
+    return (
+        *map(list, kept),
+        look,
+        beside,
+        other.get_position().bounds,
+        dict(mpl.rcParams),
+        pyplot.get_fignums(),
+    )
 
 
 def test_every_function_draws_on_its_axes_and_changes_nothing_outside_them(made):
@@ -115,8 +160,12 @@ def test_every_function_draws_on_its_axes_and_changes_nothing_outside_them(made)
     assert set(DRAWN) == set(flexfem.plot.__all__)
     for name, given in DRAWN.items():
         figure = pyplot.figure(figsize=(11, 5))
-        other, ax = (figure.add_subplot(1, 2, k, projection="3d" if name == "plot_solid" else None) for k in (1, 2))
-        before, empty = state(figure, other), len(ax.get_children())
+        other, ax = (
+            figure.add_subplot(1, 2, k, projection="3d" if name == "plot_solid" else None)
+            for k in (1, 2)
+        )
+        before = state(figure, other)
+        empty = len(ax.get_children())
         assert getattr(flexfem.plot, name)(ax, *given(made)) is ax, name
         assert len(ax.get_children()) > empty, name
         assert state(figure, other) == before, name
@@ -146,8 +195,16 @@ def test_a_stage_is_drawn_and_what_is_none_is_refused(name):
     ("name", "first", "expected"),
     [
         ("plot_budget", lambda made: made.budget(), "direction .*, expected one of: x, y, theta"),
-        ("plot_formulas", lambda made: hinge_review(), "freedom {}, expected one of rotation, axial, shear"),
-        ("plot_thickness", lambda made: thickness_review(), "freedom {}, expected one of rotation, axial"),
+        (
+            "plot_formulas",
+            lambda made: hinge_review(),
+            "freedom {}, expected one of rotation, axial, shear",
+        ),
+        (
+            "plot_thickness",
+            lambda made: thickness_review(),
+            "freedom {}, expected one of rotation, axial",
+        ),
     ],
 )
 def test_what_is_not_among_the_choices_is_refused(made, name, first, expected):

@@ -21,15 +21,30 @@ def review() -> HingeReview:
         FormulaCurve("fit", (0.05, 0.5), 1.05 - X**4, None, None),
     ]
     higher = FormulaCurve("calibrated", (0.02, 1.2), 1 + 0.1 * X, 1 + 0.5 * X, 1 + 0.3 * X)
-    return HingeReview(ratio=X, curves=curves, height=2.7, higher=higher, poissons_ratio=0.29, source="made-up numbers")
+    return HingeReview(
+        ratio=X,
+        curves=curves,
+        height=2.7,
+        higher=higher,
+        poissons_ratio=0.29,
+        source="made-up numbers",
+    )
 
 
 def full_curves(axes) -> list:
-    return [line for line in axes.get_lines() if line.get_linewidth() > FULL and line.get_marker() not in ("None", "|")]
+    return [
+        line
+        for line in axes.get_lines()
+        if line.get_linewidth() > FULL and line.get_marker() not in ("None", "|")
+    ]
 
 
 def test_formulas_share_a_curve_when_they_are_the_same_integral_with_the_same_range() -> None:
-    assert [names for names, *_ in merged(review(), "rotation")] == [["one", "same"], ["narrower"], ["fit"]]
+    assert [names for names, *_ in merged(review(), "rotation")] == [
+        ["one", "same"],
+        ["narrower"],
+        ["fit"],
+    ]
     assert [names for names, *_ in merged(review(), "axial")] == [["one", "same"]]
 
 
@@ -37,9 +52,13 @@ def test_curves_are_full_within_their_range_and_pale_all_along() -> None:
     axes = hinge_chart_figure(review()).axes[0]
     fit = full_curves(axes)[2]
     assert fit.get_xdata()[[0, -1]] == pytest.approx([0.05, 0.5])
-    np.testing.assert_allclose(fit.get_ydata(), 1.05 - fit.get_xdata() ** 4, atol=2e-3)  # interpolated at the ends
+    np.testing.assert_allclose(
+        fit.get_ydata(), 1.05 - fit.get_xdata() ** 4, atol=2e-3
+    )  # interpolated at the ends
     pale = [line for line in axes.get_lines() if line.get_alpha() is not None]
-    assert len(pale) == 3 and all(line.get_xdata()[[0, -1]] == pytest.approx([0.02, 1.2]) for line in pale)
+    assert len(pale) == 3 and all(
+        line.get_xdata()[[0, -1]] == pytest.approx([0.02, 1.2]) for line in pale
+    )
     bars = [list(line.get_xdata()) for line in axes.get_lines() if line.get_marker() == "|"]
     assert bars == [pytest.approx([]), pytest.approx([0.3]), pytest.approx([0.05, 0.5])]
 
@@ -47,7 +66,9 @@ def test_curves_are_full_within_their_range_and_pale_all_along() -> None:
 def test_higher_blocks_are_shaded_from_the_finite_elements_at_one(made) -> None:
     for axes, slope in zip(hinge_chart_figure(review()).axes, (0.1, 0.5, 0.3), strict=True):
         (shade,) = axes.collections
-        np.testing.assert_allclose(made.extent(shade), np.column_stack([X, np.ones(40), 1 + slope * X]))
+        np.testing.assert_allclose(
+            made.extent(shade), np.column_stack([X, np.ones(40), 1 + slope * X])
+        )
         level = [line.get_ydata() for line in axes.get_lines() if len(set(line.get_ydata())) == 1]
         assert [1.0, 1.0] in [list(values) for values in level]
 
@@ -61,8 +82,11 @@ STRAIN = 1 - NU**2
 
 def test_each_panel_has_a_curve_for_each_neck_and_both_limits() -> None:
     position = WIDTH**2 / (WIDTH**2 + np.array([[400.0], [90.0], [9.0]]))
-    rotation, axial = 1 - NU**2 * position, 1 - 0.4 * NU**2 * position
-    shown = ThicknessReview(WIDTH, np.array([0.02, 0.1, 0.8]), NU, rotation, axial, "made-up numbers")
+    rotation = 1 - NU**2 * position
+    axial = 1 - 0.4 * NU**2 * position
+    shown = ThicknessReview(
+        WIDTH, np.array([0.02, 0.1, 0.8]), NU, rotation, axial, "made-up numbers"
+    )
     for axes, freedom in zip(thickness_figure(shown).axes, ("rotation", "axial"), strict=True):
         lines = axes.get_lines()
         assert [lines[k].get_ydata()[0] for k in (0, 1)] == [1.0, pytest.approx(STRAIN)]
@@ -71,4 +95,7 @@ def test_each_panel_has_a_curve_for_each_neck_and_both_limits() -> None:
             np.testing.assert_array_equal(line.get_xdata(), WIDTH)
         low, high = axes.get_ylim()
         assert low < STRAIN and high > 1
-        assert {text.get_text() for text in axes.texts} == {"plane stress", f"plane strain, 1 − ν² = {STRAIN:.3f}"}
+        assert {text.get_text() for text in axes.texts} == {
+            "plane stress",
+            f"plane strain, 1 − ν² = {STRAIN:.3f}",
+        }

@@ -1,4 +1,6 @@
-"""Drawings of a stage show its dimensions, mesh, necks and model at their places, and say when numbers are assumed."""
+"""Drawings of a stage show its dimensions, mesh, necks and model at their places, and say when
+numbers are assumed.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,13 @@ import flexfem
 from flexfem.plot.fields import deformed_figure, exaggeration, largest_stress
 from flexfem.plot.hinge import hinge_rows, hinge_sketch
 from flexfem.plot.plate import plot_plate
-from flexfem.plot.stage import links_of_chain, mobility_line, model_sketch, neck_figure, stage_figure
+from flexfem.plot.stage import (
+    links_of_chain,
+    mobility_line,
+    model_sketch,
+    neck_figure,
+    stage_figure,
+)
 from flexfem.results import Fields
 
 from ..conftest import UNLIKE, with_changes
@@ -45,7 +53,8 @@ def test_assumed_numbers_are_announced_exactly_when_there_are_some(made, name, a
 
 
 def test_the_stage_is_drawn_in_mm_with_numbers_hub_and_ground(made):
-    axes, (model, fields) = stage_figure(made.model(), made.fields()).axes[0], (made.model(), made.fields())
+    axes = stage_figure(made.model(), made.fields()).axes[0]
+    model, fields = (made.model(), made.fields())
     assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_aspect()) == ("x (mm)", "y (mm)", 1.0)
     labels = texts(axes)
     for number in range(1, 10):
@@ -54,24 +63,42 @@ def test_the_stage_is_drawn_in_mm_with_numbers_hub_and_ground(made):
     mesh = axes.collections[0].get_paths()
     assert len(mesh) == len(fields.triangles)
     sides = [{tuple(np.round(point, 9)) for point in path.vertices} for path in mesh]
-    assert all(tuple(np.round(fields.nodes[n], 9)) in sides[k] for k, t in enumerate(fields.triangles) for n in t)
+    assert all(
+        tuple(np.round(fields.nodes[n], 9)) in sides[k]
+        for k, t in enumerate(fields.triangles)
+        for n in t
+    )
     (ground,) = [each for each in axes.collections if max(each.get_linewidth()) > 2.0]
-    assert len(ground.get_paths()[0].vertices) == 3 * 3  # one clamped side of each chain: ends and middle
+    assert (
+        len(ground.get_paths()[0].vertices) == 3 * 3
+    )  # one clamped side of each chain: ends and middle
     (hub,) = [patch for patch in axes.patches if isinstance(patch, Circle)]
     assert hub.radius == 7.0
 
 
 def test_necks_are_seen_along_themselves_with_their_own_dimensions(made):
     hinges = [
-        one.model_copy(update={"radius": 1.3 + 0.1 * k, "neck": 0.4 + 0.1 * k}) for k, one in enumerate(made.hinges())
+        one.model_copy(update={"radius": 1.3 + 0.1 * k, "neck": 0.4 + 0.1 * k})
+        for k, one in enumerate(made.hinges())
     ]
     figure = neck_figure(made.model(hinges=hinges), made.fields())
     assert [ax.texts[0].get_text() for ax in figure.axes] == [
-        "R = 1.3 mm", "R = 1.4 mm", "R = 1.5 mm", "t = 0.4 mm", "t = 0.5 mm", "t = 0.6 mm",
-    ]  # fmt: skip
+        "R = 1.3 mm",
+        "R = 1.4 mm",
+        "R = 1.5 mm",
+        "t = 0.4 mm",
+        "t = 0.5 mm",
+        "t = 0.6 mm",
+    ]
     for ax, hinge in zip(figure.axes[:3], hinges, strict=False):
-        corner = np.array(made.fields().nodes[made.fields().triangles[hinges.index(hinge), 0]]) - hinge.centre
-        along = corner @ [np.cos(hinge.axis), np.sin(hinge.axis)], corner @ [-np.sin(hinge.axis), np.cos(hinge.axis)]
+        corner = (
+            np.array(made.fields().nodes[made.fields().triangles[hinges.index(hinge), 0]])
+            - hinge.centre
+        )
+        along = (
+            corner @ [np.cos(hinge.axis), np.sin(hinge.axis)],
+            corner @ [-np.sin(hinge.axis), np.cos(hinge.axis)],
+        )
         shown = np.concatenate([path.vertices for path in ax.collections[0].get_paths()])
         assert np.linalg.norm(shown - along, axis=1).min() < 1e-9
 
@@ -87,11 +114,23 @@ def test_hinges_alike_share_a_row(made):
 def test_lengths_and_angles_of_the_model_close_the_chain_and_are_written(made):
     lengths, angles = links_of_chain(made.hinges())
     heading = np.cumsum(angles)
-    end = made.hinges()[0].centre + lengths @ np.column_stack([np.cos(heading), np.sin(heading)])  # (19), (20)
+    end = made.hinges()[0].centre + lengths @ np.column_stack(
+        [np.cos(heading), np.sin(heading)]
+    )  # (19), (20)
     np.testing.assert_allclose(end, 0.0, atol=1e-12)
     labels = texts(model_sketch(made.model()).axes[0])
-    wanted = {"$l_1$ = 27.02 mm", "$l_2$ = 34.23 mm", "$l_3$ = 21.21 mm", "chain 1", "chain 2", "chain 3"}
-    angles_written = {rf"$\varphi_{k}$ = {angle}°" for k, angle in enumerate(("−177.9", "−85.41", "91.42"), start=1)}
+    wanted = {
+        "$l_1$ = 27.02 mm",
+        "$l_2$ = 34.23 mm",
+        "$l_3$ = 21.21 mm",
+        "chain 1",
+        "chain 2",
+        "chain 3",
+    }
+    angles_written = {
+        rf"$\varphi_{k}$ = {angle}°"
+        for k, angle in enumerate(("−177.9", "−85.41", "91.42"), start=1)
+    }
     assert wanted | angles_written <= labels.keys()
     hinges = made.hinges()
     hinges[1] = hinges[1].model_copy(update={"centre": (20.0, hinges[0].centre[1])})
@@ -105,14 +144,22 @@ def test_joints_of_the_model_have_its_freedoms(made, mobility, sliders):
     figure = model_sketch(model)
     axes = figure.axes[0]
     circles = [patch for patch in axes.patches if isinstance(patch, Circle)]
-    np.testing.assert_allclose([circle.center for circle in circles], [hinge.centre for hinge in hinges])
-    blocks = [patch.get_xy() for patch in axes.patches if to_hex(patch.get_edgecolor()) == "#0072b2"]
+    np.testing.assert_allclose(
+        [circle.center for circle in circles], [hinge.centre for hinge in hinges]
+    )
+    blocks = [
+        patch.get_xy() for patch in axes.patches if to_hex(patch.get_edgecolor()) == "#0072b2"
+    ]
     assert f"= {mobility}," in mobility_line(model) and len(blocks) == sliders
     if mobility == 21:  # along the neck for axial, across it for shear
         for k, hinge in enumerate(hinges):
             along = np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
-            for block, way in zip(blocks[2 * k : 2 * k + 2], (along, [-along[1], along[0]]), strict=True):
-                assert abs((block[0] - block[1]) @ way) == pytest.approx(np.linalg.norm(block[0] - block[1]))
+            for block, way in zip(
+                blocks[2 * k : 2 * k + 2], (along, [-along[1], along[0]]), strict=True
+            ):
+                assert abs((block[0] - block[1]) @ way) == pytest.approx(
+                    np.linalg.norm(block[0] - block[1])
+                )
     meant = [text.get_text() for text in figure.legends[0].get_texts()]
     assert [text.split(":")[0].split()[0] for text in meant] == [
         "revolute",
@@ -121,29 +168,39 @@ def test_joints_of_the_model_have_its_freedoms(made, mobility, sliders):
 
 
 def test_a_deformed_stage_has_the_displacement_and_stress_that_are_said(made):
-    one, models = made.fields(), {"a": made.model(), "b": made.model()}
+    one = made.fields()
+    models = {"a": made.model(), "b": made.model()}
     other = one._replace(displacement=-0.7 * one.displacement, stress=1.4 * one.stress[::-1])
     result = made.result({"a": (0.1, 0.0, 0.0), "b": (0.2, 0.1, 0.0)}, direction="y", models=models)
     figure = deformed_figure(result, {"a": one, "b": other})
-    assert "Stress in the displaced stage, Y = 50.0 µm A case $y$: finite" in " ".join(made.texts(figure))
+    assert "Stress in the displaced stage, Y = 50.0 µm A case $y$: finite" in " ".join(
+        made.texts(figure)
+    )
     assert "displacements × 100; grey: at rest" in " ".join(made.texts(figure))
     *shown, bar = figure.axes
     for axes, fields, value in zip(shown, (one, other), ("31.7", "44.4"), strict=True):
         lines = [each for each in axes.collections if isinstance(each, PathCollection)]
         rest, moved = (each.get_paths()[0].vertices for each in lines)
         corners = [np.argmin(np.linalg.norm(rest - node, axis=1)) for node in fields.nodes]
-        np.testing.assert_allclose(moved[corners] - rest[corners], 100 * fields.displacement, atol=1e-9)
+        np.testing.assert_allclose(
+            moved[corners] - rest[corners], 100 * fields.displacement, atol=1e-9
+        )
         colours = axes.collections[0]
         np.testing.assert_allclose(colours.get_array(), np.clip(fields.stress, 44.38e-4, None))
         assert any(text.get_text().startswith(f"largest {value} MPa near ") for text in axes.texts)
         node = int(np.argmax(fields.stress))
-        np.testing.assert_allclose(axes.lines[0].get_xydata()[0], fields.nodes[node] + 100 * fields.displacement[node])
+        np.testing.assert_allclose(
+            axes.lines[0].get_xydata()[0], fields.nodes[node] + 100 * fields.displacement[node]
+        )
     assert bar.get_xlabel() == "von Mises stress (MPa)"
 
 
 def test_no_part_is_drawn_through_another():
-    """Two triangles 0.3 mm apart on a length of 20 mm; one moves by 1 um to the other: 1 mm would be through it."""
-    x, y = np.array([[0, 9.85, 0, 4.9, 4.9, 0], [10.15, 20, 20, 15, 20, 15]]), np.array([0, 0, 8, 0, 4, 4])
+    """Two triangles 0.3 mm apart on a length of 20 mm; one moves by 1 um to the other: 1 mm would
+    be through it.
+    """
+    x = np.array([[0, 9.85, 0, 4.9, 4.9, 0], [10.15, 20, 20, 15, 20, 15]])
+    y = np.array([0, 0, 8, 0, 4, 4])
     nodes = np.column_stack([x.ravel(), np.tile(y, 2)])
     fields = Fields(nodes, np.arange(12).reshape(2, 6), np.zeros(2), np.zeros((12, 2)), np.ones(12))
     for sign, signs, factor in ((1, (1.0,), 200), (-1, (1.0,), 1000), (-1, (1.0, -1.0), 200)):
@@ -152,23 +209,36 @@ def test_no_part_is_drawn_through_another():
 
 
 def test_the_largest_stress_is_near_a_hinge_and_round_off_does_not_choose(made):
-    fields, model = made.fields(), made.model()
+    fields = made.fields()
+    model = made.model()
     for high in (0, 18, 36):
         stress = np.ones(len(fields.nodes))
         stress[[0, 18, 36]] = 5.0
         stress[high] += 1e-12
-        assert largest_stress(model, fields._replace(stress=stress)) == (0, "hinge 1 (base, chain 1)")
+        assert largest_stress(model, fields._replace(stress=stress)) == (
+            0,
+            "hinge 1 (base, chain 1)",
+        )
 
 
 def test_every_dimension_is_on_the_drawing_beside_what_it_measures():
-    ax, stage = Figure(figsize=(8, 8)).add_subplot(), with_changes({"override": UNLIKE})
+    ax = Figure(figsize=(8, 8)).add_subplot()
+    stage = with_changes({"override": UNLIKE})
     plot_plate(ax, stage)
     said = texts(ax)
     assert said.keys() - {"X", "Y", "20\xa0mm"} == {
         *("l1 31", "l2 33.5", "l3 25", "w 8.9", "platform R 16.3", "hub R 7.7"),
-        *("R 2.3, t 0.53", "R 1.6, t 0.47", "R 1.4, t 0.61", "R 3.9, t 0.53", "R 1.6, t 0.83", "R 1.9, t 0.41"),
+        *(
+            "R 2.3, t 0.53",
+            "R 1.6, t 0.47",
+            "R 1.4, t 0.61",
+            "R 3.9, t 0.53",
+            "R 1.6, t 0.83",
+            "R 1.9, t 0.41",
+        ),
     }
-    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    left, right = ax.get_xlim()
+    low, high = ax.get_ylim()
     assert all(left < x < right and low < y < high for x, y in said.values())
     steps = np.array([31.0, 33.5, 25.0]) * np.exp(1j * np.cumsum(np.deg2rad([175.0, -85.0, 92.0])))
     ends = np.array([-steps.sum(), -steps[1:].sum(), -steps[2]])
@@ -186,7 +256,9 @@ def test_with_a_display_a_window_opens_and_nothing_is_written(tmp_path, monkeypa
     with patch.object(pyplot, "show", lambda: opened.append(pyplot.gcf().axes[0].get_title())):
         found = flexfem.view("stage.toml")
     assert found.window and found.written == [] and opened == ["generic stage"]
-    assert [path.name for path in tmp_path.iterdir()] == ["stage.toml"] and pyplot.get_fignums() == []
+    assert [path.name for path in tmp_path.iterdir()] == [
+        "stage.toml"
+    ] and pyplot.get_fignums() == []
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""A stored answer is read as it was stored, by any command: what was edited, or is of another run, is refused."""
+"""A stored answer is read as it was stored, by any command: what was edited, or is of another run,
+is refused.
+"""
 
 from __future__ import annotations
 
@@ -51,14 +53,21 @@ def edited(value):
     """Another value of the same kind, as near as can be."""
     if isinstance(value, bool) or value is None:
         return not value
-    return f"{value}." if isinstance(value, str) else float(np.nextafter(value, np.inf)) if value % 1 else value + 1
+    return (
+        f"{value}."
+        if isinstance(value, str)
+        else float(np.nextafter(value, np.inf))
+        if value % 1
+        else value + 1
+    )
 
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("kind", READ)
 def test_an_answer_of_which_anything_was_edited_is_refused(kind, stored, flexfem, tmp_path):
     """Two hundred places of each, by the reader of all commands; one by the commands themselves."""
-    path, page = stored[kind], tmp_path / "page.html"
+    path = stored[kind]
+    page = tmp_path / "page.html"
     assert flexfem("report", path, "-o", page)[0] == 0
     page.unlink()
     text = path.read_text()
@@ -73,12 +82,20 @@ def test_an_answer_of_which_anything_was_edited_is_refused(kind, stored, flexfem
             READ[kind](path)
     for command in (["report", path, "-o", page], ["plot", path, "-o", tmp_path / "none"]):
         code, out, err = flexfem(*command)
-        assert (code, out, err.count("\n")) == (2, "", 1) and f"{path.name}: changed since it was stored" in err
+        assert (code, out, err.count("\n")) == (
+            2,
+            "",
+            1,
+        ) and f"{path.name}: changed since it was stored" in err
     assert not page.exists() and not (tmp_path / "none").exists()
-    path.write_text(json.dumps({key: value for key, value in json.loads(text).items() if key != "digest"}))
+    path.write_text(
+        json.dumps({key: value for key, value in json.loads(text).items() if key != "digest"})
+    )
     with pytest.raises(BadInput):
         READ[kind](path)
-    path.write_text(json.dumps(json.loads(text), indent=3, sort_keys=True))  # the same in another order
+    path.write_text(
+        json.dumps(json.loads(text), indent=3, sort_keys=True)
+    )  # the same in another order
     assert READ[kind](path).name
 
 
@@ -91,7 +108,9 @@ def test_plot_draws_what_verify_stored_of_a_mechanism(flexfem, tmp_path):
         "guide.pdf",
     }
     for row, ax in enumerate(mechanism_figure(found).axes):
-        bars = [[bar.get_width() for bar in bars] for bars in ax.containers if hasattr(bars, "patches")]
+        bars = [
+            [bar.get_width() for bar in bars] for bars in ax.containers if hasattr(bars, "patches")
+        ]
         np.testing.assert_allclose(bars, np.arange(18.0).reshape(2, 3, 3)[:, row] - 4.5)
 
 
@@ -99,14 +118,17 @@ def test_a_direction_that_a_mechanism_holds_has_no_panel():
     found = guide_errors()
     percent = found.internal.values["percent"].copy()
     percent[:, [0, 2]] = np.nan
-    held = MechanismErrors(found.about, found.internal.values | {"percent": percent}, found.internal.bands, found.axes)
+    held = MechanismErrors(
+        found.about, found.internal.values | {"percent": percent}, found.internal.bands, found.axes
+    )
     (ax,) = mechanism_figure(held).axes
     assert ax.get_title(loc="left").endswith("command in Y") or "command in Y" in ax.get_title()
 
 
 def test_fields_of_another_run_or_edited_are_refused(stored, tmp_path, flexfem):
     path = stored["verification"]
-    beside, answer = path.with_suffix(".npz"), Verification.read(path)
+    beside = path.with_suffix(".npz")
+    answer = Verification.read(path)
     assert {*answer.read_fields(path)} == {"one", "two"}
     (tmp_path / "other").mkdir()
     moved = fields()._replace(stress=fields().stress + 1.0)
@@ -118,4 +140,7 @@ def test_fields_of_another_run_or_edited_are_refused(stored, tmp_path, flexfem):
         spoil()
         code, out, err = flexfem("plot", path, "-o", tmp_path / "none")
         assert (code, out, err.count("\n")) == (2, "", 1)
-        assert "fig.npz: not the fields that were stored with" in err and not (tmp_path / "none").exists()
+        assert (
+            "fig.npz: not the fields that were stored with" in err
+            and not (tmp_path / "none").exists()
+        )

@@ -32,11 +32,14 @@ def stored(made, **changes):
 
 @pytest.mark.slow
 def test_another_process_gives_the_same_bytes(made, tmp_path):
-    drawn, (found, fields) = write_figures([stored(made)], tmp_path / "here"), stored(made)
+    drawn = write_figures([stored(made)], tmp_path / "here")
+    found, fields = stored(made)
     found.fields = fields
     path = found.write(tmp_path / "fig.json")
     variables = os.environ | {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": "1000000000"}
-    subprocess.run([sys.executable, "-c", DRAW, path, tmp_path / "again"], check=True, env=variables)
+    subprocess.run(
+        [sys.executable, "-c", DRAW, path, tmp_path / "again"], check=True, env=variables
+    )
     again = {file.name: file.read_bytes() for file in (tmp_path / "again").iterdir()}
     assert again == {file.name: file.read_bytes() for file in drawn}
     assert len(again) == 2 * 6 + 1  # six figures in two forms, one page
@@ -45,8 +48,18 @@ def test_another_process_gives_the_same_bytes(made, tmp_path):
 @pytest.mark.usefixtures("unrendered")
 def test_files_are_named_after_case_and_stage(made, tmp_path):
     drawn = write_figures([stored(made)], tmp_path / "drawn")
-    assert sorted(path.name for path in drawn) == sorted(file.name for file in drawn[0].parent.iterdir())
-    stems = {"fig", "fig-deformed", "stage-one", "neck-one", "hinge-one", "model-one-mobility6", "verification"}
+    assert sorted(path.name for path in drawn) == sorted(
+        file.name for file in drawn[0].parent.iterdir()
+    )
+    stems = {
+        "fig",
+        "fig-deformed",
+        "stage-one",
+        "neck-one",
+        "hinge-one",
+        "model-one-mobility6",
+        "verification",
+    }
     assert {path.stem for path in drawn} == stems
 
 
@@ -55,14 +68,19 @@ def test_a_stage_is_drawn_once_and_its_model_once_for_each_mobility(made):
     result = stored(made, models={"one": made.model(), "two": three})
     found = list(plans([result, stored(made, case="fig-b")]))
     assert found.count("stage-one") == 1
-    assert [name for name in found if name.startswith("model")] == ["model-one-mobility6", "model-one-mobility3"]
+    assert [name for name in found if name.startswith("model")] == [
+        "model-one-mobility6",
+        "model-one-mobility3",
+    ]
 
 
 def test_two_stages_or_designs_of_one_file_name_do_not_clash(made):
     other = made.model(hash="fedcba" * 10, file="elsewhere/One.toml")
     designs = [("fig", recorded()), ("Fig", recorded())]
     found = list(plans([stored(made, models={"one": made.model(), "two": other})], designs=designs))
-    assert {"stage-one", "stage-One-2", "fig", "fig-2", "Fig-3", "fig-front", "Fig-front-2"} < set(found)
+    assert {"stage-one", "stage-One-2", "fig", "fig-2", "Fig-3", "fig-front", "Fig-front-2"} < set(
+        found
+    )
     assert len({name.casefold() for name in found}) == len(found) == 2 + 2 * 4 + 2 * 3
 
 
@@ -75,7 +93,8 @@ def test_a_result_that_plot_does_not_draw_is_refused_by_its_title(tmp_path):
     found = flexfem.stiffness(flexfem.load(ROOT / "geometry/mobility6.toml"), models="analytic")
     path = found.write(tmp_path / "six.json")
     with pytest.raises(
-        flexfem.BadInput, match=r"six.json: .*, expected results of verify of a case, or of design; other"
+        flexfem.BadInput,
+        match=r"six.json: .*, expected results of verify of a case, or of design; other",
     ):
         flexfem.plot_results(path, output=tmp_path)
 

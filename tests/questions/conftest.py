@@ -31,13 +31,21 @@ def stage() -> Stage:
 
 @pytest.fixture(scope="module")
 def unlike_drive(stage: Stage) -> Stage:
-    """Contacts off the links' normals, on straight and bent links, a single stack, and one on the platform's rim."""
+    """Contacts off the links' normals, on straight and bent links, a single stack, and one on the
+    platform's rim.
+    """
     rim = {"name": "rim", "between": ("link 1", "platform"), "point": (RIM.real, RIM.imag)}
     return stage.replace(
-        override={(2, "elbow"): {"neck": 0.61}, (3, "base"): {"radius": 3.1}, (1, "platform"): {"neck": 0.43}},
+        override={
+            (2, "elbow"): {"neck": 0.61},
+            (3, "base"): {"radius": 3.1},
+            (1, "platform"): {"neck": 0.43},
+        },
         actuator=[
             stage.actuator[0].model_copy(update={"tilt": np.deg2rad(-15.0), "pair": False}),
-            stage.actuator[1].model_copy(update={"arm": 7.0, "side": "right", "tilt": np.deg2rad(10.0)}),
+            stage.actuator[1].model_copy(
+                update={"arm": 7.0, "side": "right", "tilt": np.deg2rad(10.0)}
+            ),
             rim | {"direction": np.deg2rad(260.0), "stroke": 0.03, "blocking_force": 410.0},
         ],
     )

@@ -1,4 +1,6 @@
-"""All limits of the commands of a driven stage as explicit half-spaces, a slow reference of `CommandLimits`."""
+"""All limits of the commands of a driven stage as explicit half-spaces, a slow reference of
+`CommandLimits`.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +13,15 @@ from flexfem.questions.driven import CommandLimits
 
 
 def half_spaces(limits: CommandLimits) -> tuple[Array, Array]:
-    """Rows (k, m) and bounds (k,) of one stage, of strokes and forces, then of both signs at all sections of necks."""
-    rows, ends = [limits.rows[0]], [limits.bounds[0]]
+    """Rows (k, m) and bounds (k,) of one stage, of strokes and forces, then of both signs at all
+    sections of necks.
+    """
+    rows = [limits.rows[0]]
+    ends = [limits.bounds[0]]
     x, bending, tension = limits.sections[:, 0, ..., None]
-    M, N, V = np.concatenate([limits.forces[:, 0], limits.at_rest[:, 0, :, None]], axis=-1)[:, :, None]
+    M, N, V = np.concatenate([limits.forces[:, 0], limits.at_rest[:, 0, :, None]], axis=-1)[
+        :, :, None
+    ]
     for bent, pulled in product((1.0, -1.0), repeat=2):
         stress = (bent * bending * (M + V * x) + pulled * tension * N).reshape(-1, M.shape[-1])
         rows.append(stress[:, :-1])

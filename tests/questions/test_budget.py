@@ -1,4 +1,6 @@
-"""The error budget: the right thing in each share, by hand on made-up compliances and by physics on a whole stage."""
+"""The error budget: the right thing in each share, by hand on made-up compliances and by physics on
+a whole stage.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,15 @@ from flexfem.analytic.model import analyse
 from flexfem.mechanism.stage import load_feasible
 from flexfem.page.key import errors_driven, rows_at_rest
 from flexfem.questions import budget as module
-from flexfem.questions.budget import CHART, IN_ALL, MEASURED, SHARES, TOTAL, budget, thick_compliance
+from flexfem.questions.budget import (
+    CHART,
+    IN_ALL,
+    MEASURED,
+    SHARES,
+    TOTAL,
+    budget,
+    thick_compliance,
+)
 from flexfem.results import SOLID
 from flexfem.units import DIRECTIONS
 
@@ -30,10 +40,13 @@ def made(stage):
 
 @pytest.fixture(scope="module")
 def by_hand(stage):
-    """Finite elements that converge with n^-4, at a rate and to a limit of their own in each direction and across, and
-    whose large displacements add 1, 2 and 3 parts in a thousand of the command along and a fixed motion across."""
-    K, amplitude = analyse(stage).stiffness, (0.041, 0.053, 2.1e-3)
-    limit, rate = np.array([1.16, 1.17, 1.18]), np.array([3.0, 5.0, 8.0])
+    """Finite elements that converge with n^-4, at a rate and to a limit of their own in each
+    direction and across, and whose large displacements add 1, 2 and 3 parts in a thousand of the
+    command along and a fixed motion across."""
+    K = analyse(stage).stiffness
+    amplitude = (0.041, 0.053, 2.1e-3)
+    limit = np.array([1.16, 1.17, 1.18])
+    rate = np.array([3.0, 5.0, 8.0])
     across = np.array([[0.0, 2e-6, 3e-9], [2e-6, 0.0, 5e-9], [3e-9, 5e-9, 0.0]])
 
     def solve(_, level):
@@ -49,13 +62,15 @@ def by_hand(stage):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "solved", solve)
         patch.setattr(module, "equilibrium", bent)
-        patch.setattr(module, "neck_stresses", lambda *_: SimpleNamespace(highest=np.zeros((3, 3, 3))))
+        patch.setattr(
+            module, "neck_stresses", lambda *_: SimpleNamespace(highest=np.zeros((3, 3, 3)))
+        )
         return K, limit, across, budget(stage, amplitude=amplitude, plane=True)
 
 
-OF_THE_MODEL = (
-    2.0  # percentage points: the effect of the thickness on short leaves across their axis, without that on their ends
-)
+# percentage points: the effect of the thickness on short leaves across their axis, without that on
+# their ends
+OF_THE_MODEL = 2.0
 
 
 def test_shares_are_steps_from_the_papers_model_to_the_finite_elements(by_hand, stage):
@@ -79,7 +94,9 @@ def test_shares_are_steps_from_the_papers_model_to_the_finite_elements(by_hand, 
 
 
 def test_what_crosses_is_normalised_by_the_lever(by_hand):
-    """Motion across by the force K_jj of a unit command; the model and its rungs keep to their axes."""
+    """Motion across by the force K_jj of a unit command; the model and its rungs keep to their
+    axes.
+    """
     K, _, across, made = by_hand
     last = made.at("across", share=SHARES[3])
     assert last[0, 1] == pytest.approx(100 * across[1, 0] * K[0, 0], rel=1e-6)
@@ -105,47 +122,70 @@ def test_the_hinge_formula_is_nearly_all_of_it(made):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "points", "total"), [("mobility6", -10.673, 1.833), ("mobility3", -10.924, 3.121)])
+@pytest.mark.parametrize(
+    ("name", "points", "total"), [("mobility6", -10.673, 1.833), ("mobility3", -10.924, 3.121)]
+)
 def test_a_budget_measures_what_three_dimensions_change(name, points, total):
-    """The chart of single hinges is 0.14 and 0.17 points off; 0.01 points are left for other versions of the mesher."""
+    """The chart of single hinges is 0.14 and 0.17 points off; 0.01 points are left for other
+    versions of the mesher.
+    """
     found = budget(load_feasible(ROOT / "geometry" / f"{name}.toml"))
-    solid, band = found.at("solid", outside=MEASURED), found.band("solid", outside=MEASURED)
+    solid = found.at("solid", outside=MEASURED)
+    band = found.band("solid", outside=MEASURED)
     assert solid[0] == pytest.approx(points, abs=0.01)
     assert found.at("solid", outside=IN_ALL)[0] == pytest.approx(total, abs=0.012)
     assert 0.1 < found.at("solid", outside=CHART)[0] - solid[0] < 0.2 and 0.05 < band[0] < 0.15
     assert abs(found.at("solid_across", outside=MEASURED, commanded="x")[1]) < 1e-6
     if name == "mobility6":
         cells = [f"{value:+.3f} ± {half:.3f}" for value, half in zip(solid, band, strict=True)]
-        assert f"| outside it: three dimensions | {' | '.join(cells)} |" in (ROOT / "docs/budget.md").read_text()
+        assert (
+            f"| outside it: three dimensions | {' | '.join(cells)} |"
+            in (ROOT / "docs/budget.md").read_text()
+        )
 
 
-def test_thin_necks_of_a_thick_stage_are_stiffer_than_the_papers_model_and_softer_in_plane_stress(stage):
+def test_thin_necks_of_a_thick_stage_are_stiffer_than_the_papers_model_and_softer_in_plane_stress(
+    stage,
+):
     """The README's second map, at a corner of it and on both sides of its contour of zero."""
     expected = ((4.0, 0.2193, -7.7, 2.4), (1.642, 0.3243, -2.4, 8.2), (1.642, 0.4799, 1.7, 12.4))
     for radius, neck, thick, plane in expected:
         one = stage.replace(radius=radius, neck=neck, actuator=[])
-        solid, sheet = thick_compliance(one), analyse(one, 21, "calibrated", links=True).compliance
+        solid = thick_compliance(one)
+        sheet = analyse(one, 21, "calibrated", links=True).compliance
         found = analyse(one, 6).stiffness[0, 0] * np.array([solid[0, 0], sheet[0, 0]]) - 1
         assert 100 * found == pytest.approx([thick, plane], abs=0.1)
 
 
-def test_three_dimensional_hinges_and_their_links_do_not_depend_on_the_plane_the_stage_is_taken_in(stage):
+def test_three_dimensional_hinges_and_their_links_do_not_depend_on_the_plane_the_stage_is_taken_in(
+    stage,
+):
     held = stage.model_copy(update={"model": "plane_strain"})
-    np.testing.assert_allclose(thick_compliance(held), thick_compliance(stage), rtol=DENSE, atol=1e-18)
+    np.testing.assert_allclose(
+        thick_compliance(held), thick_compliance(stage), rtol=DENSE, atol=1e-18
+    )
 
 
 def test_budget_of_a_mechanism_separates_bodies_hinges_and_their_joining():
-    """Circular hinges, t/R = 1/3, between stiff bodies: the beam integral lacks what the notch bends at its flanks."""
-    made = flexfem.budget(flexfem.load(ROOT / "geometry" / "four-chains.toml"), resolution=4, plane=True)
+    """Circular hinges, t/R = 1/3, between stiff bodies: the beam integral lacks what the notch
+    bends at its flanks.
+    """
+    made = flexfem.budget(
+        flexfem.load(ROOT / "geometry" / "four-chains.toml"), resolution=4, plane=True
+    )
     assert made.axes["share"][3:] == ("total in the plane",)
     bodies, hinges, joining, total = made.share
     assert bodies + hinges + joining == pytest.approx(total, rel=DENSE)
-    assert np.all((hinges > 9) & (hinges < 12)) and np.all((joining > 0) & (joining < 0.012 * (100 + total)))
+    assert np.all((hinges > 9) & (hinges < 12)) and np.all(
+        (joining > 0) & (joining < 0.012 * (100 + total))
+    )
 
 
 @pytest.mark.slow
 def test_stiffness_budget_and_report_state_one_error_of_a_lever_where_it_moves_and_none_where_it_is_held():
-    """Along x two leaves hold the output 150 times as stiffly as along y, where the drive moves it by a lever."""
+    """Along x two leaves hold the output 150 times as stiffly as along y, where the drive moves it
+    by a lever.
+    """
     lever = flexfem.load(ROOT / "geometry" / "lever-amplifier.toml")
     at_rest = flexfem.stiffness(lever, resolution=4)
     free = at_rest.values["free"]
@@ -156,7 +196,9 @@ def test_stiffness_budget_and_report_state_one_error_of_a_lever_where_it_moves_a
     assert made.values["share"][4, 1:] == pytest.approx(expected[1:], rel=SOLVED)
     relative = at_rest.bands["free"][-1] / free[-1]
     assert made.bands["share"][4, 1:] == pytest.approx((100 + expected[1:]) * relative[1:], rel=0.1)
-    assert np.isnan(made.values["share"][:, 0]).all() and any(note.startswith("no error in x") for note in made.notes)
+    assert np.isnan(made.values["share"][:, 0]).all() and any(
+        note.startswith("no error in x") for note in made.notes
+    )
     motions = at_rest.values["amplification"][0] * [1, 1, lever.layout.lever]
     along = 100 * (motions[0] @ motions[-1] / (motions[-1] @ motions[-1]) - 1)
     assert along == pytest.approx(15.9, abs=0.5)  # the lever bends
@@ -170,4 +212,6 @@ def test_stiffness_budget_and_report_state_one_error_of_a_lever_where_it_moves_a
     (title, text), _ = errors_driven(at_rest, "drive", "beams")
     assert title == "error of the amplification of actuator drive by the analytic model (beams)"
     assert float(text.split()[0]) == pytest.approx(along, abs=0.01)
-    assert made.answer().startswith("share of the error in the commanded direction (total in three dimensions): y 19.")
+    assert made.answer().startswith(
+        "share of the error in the commanded direction (total in three dimensions): y 19."
+    )

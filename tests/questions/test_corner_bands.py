@@ -1,4 +1,5 @@
-"""Whether bands of drives, drift and highest stresses hold the truth: over random stages that a benchmark solved once.
+"""Whether bands of drives, drift and highest stresses hold the truth: over random stages that a
+benchmark solved once.
 
 `benchmarks/corner_bands.py` drew them after the bands were chosen, for this alone.
 """
@@ -33,13 +34,17 @@ def test_bands_hold_the_truth_of_all_kinds_of_numbers(corner):
 
 
 def test_what_is_kept_comes_out_of_the_solver(corner, tmp_path):
-    MESHER = 1e-3  # gmsh's versions mesh a little differently, and a highest stress changes its node
+    MESHER = (
+        1e-3  # gmsh's versions mesh a little differently, and a highest stress changes its node
+    )
     path = tmp_path / "stage.toml"
     path.write_text(str(KEPT["stages"][2]))
     stage = flexfem.load(path)
     columns, poses = corner._answered(stage, 4)
     np.testing.assert_allclose(columns, KEPT["columns"][2, 0], rtol=20 * MESHER, atol=1e-9)
-    np.testing.assert_allclose(poses, KEPT["poses"][2, 0], rtol=MESHER, atol=MESHER * np.max(np.abs(poses)))
+    np.testing.assert_allclose(
+        poses, KEPT["poses"][2, 0], rtol=MESHER, atol=MESHER * np.max(np.abs(poses))
+    )
 
 
 @pytest.mark.slow

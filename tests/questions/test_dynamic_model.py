@@ -1,4 +1,6 @@
-"""Reduced dynamics of a driven stage: at rest, at resonance, in first order, and by Craig and Bampton."""
+"""Reduced dynamics of a driven stage: at rest, at resonance, in first order, and by Craig and
+Bampton.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,13 @@ from ..tolerances import SOLVED
 
 @pytest.fixture(scope="module")
 def vibration(stage):
-    asked = {"count": 6, "payload": (0.05, 10.0), "drives": "engaged", "damping": 2.0, "models": "elements"}
+    asked = {
+        "count": 6,
+        "payload": (0.05, 10.0),
+        "drives": "engaged",
+        "damping": 2.0,
+        "models": "elements",
+    }
     return flexfem.modes(stage, **asked, resolution=4).fields
 
 
@@ -38,7 +46,11 @@ def test_at_rest_it_is_the_static_stage_under_loads_and_strokes(stage, vibration
     scale = np.abs(expected).max(axis=0)
     np.testing.assert_allclose(found / scale, expected / scale, atol=SOLVED)
     assert model.inputs.names[:4] == ("load x", "load y", "load theta", "stroke base, chain 1")
-    assert model.inputs.units == ("N", "N", "N mm", *["mm"] * 6) and model.outputs.units == ("mm", "mm", "rad")
+    assert model.inputs.units == ("N", "N", "N mm", *["mm"] * 6) and model.outputs.units == (
+        "mm",
+        "mm",
+        "rad",
+    )
 
 
 def test_at_resonance_it_is_one_over_twice_the_damping(model):
@@ -58,17 +70,30 @@ def test_the_state_space_has_the_same_response(model):
         np.testing.assert_allclose(found / scale, expected / scale, atol=SOLVED)
 
 
-def test_craig_and_bampton_have_the_static_stiffness_and_the_frequencies_up_to_their_cut(stage, model):
-    """The cut: the highest frequency kept with the platform held. Six lie below; measured 0.094 % too high at most."""
+def test_craig_and_bampton_have_the_static_stiffness_and_the_frequencies_up_to_their_cut(
+    stage, model
+):
+    """The cut: the highest frequency kept with the platform held. Six lie below; measured 0.094 %
+    too high at most.
+    """
     K, M, L = model.craig_bampton
-    found, cut = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)), np.sqrt(K.diagonal()[3:].max())
-    exact = modes(vibrating(stage, build_mesh(stage, 4), payload_of(0.05, 10.0), drive_of(stage)), 9).frequencies
+    found = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
+    cut = np.sqrt(K.diagonal()[3:].max())
+    exact = modes(
+        vibrating(stage, build_mesh(stage, 4), payload_of(0.05, 10.0), drive_of(stage)), 9
+    ).frequencies
     below = exact < cut
-    assert below.sum() == 6 and np.all(found[below] >= exact[below] * (1 - SOLVED))  # fewer freedoms are stiffer
+    assert below.sum() == 6 and np.all(
+        found[below] >= exact[below] * (1 - SOLVED)
+    )  # fewer freedoms are stiffer
     np.testing.assert_allclose(found[below], exact[below], rtol=1.2e-3)
-    np.testing.assert_allclose(found[:3], exact[:3], rtol=5e-4)  # with six modes of the held platform; measured 3e-4
+    np.testing.assert_allclose(
+        found[:3], exact[:3], rtol=5e-4
+    )  # with six modes of the held platform; measured 3e-4
     static = np.linalg.solve(K, L)[:3]
-    np.testing.assert_allclose(static[:, :3], model.response(np.zeros(1))[0].real[:, :3], rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(
+        static[:, :3], model.response(np.zeros(1))[0].real[:, :3], rtol=1e-7, atol=1e-12
+    )
     np.testing.assert_allclose(L[:3, :3], np.eye(3), atol=SOLVED)
 
 
@@ -79,10 +104,17 @@ def test_files_hold_the_matrices_with_names_and_units(model, tmp_path):
         found = np.load(path) if ending == "npz" else loadmat(path, simplify_cells=True)
         np.testing.assert_array_equal(found["A"], model.state_space.A)
         np.testing.assert_array_equal(found["K_cb"], model.craig_bampton.stiffness)
-        K, M, exact = found["K_cb"], found["M_cb"], found["frequencies_rad_per_s"]
-        above = 100 * (np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[: len(exact)]) / exact - 1)
+        K = found["K_cb"]
+        M = found["M_cb"]
+        exact = found["frequencies_rad_per_s"]
+        above = 100 * (
+            np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[: len(exact)]) / exact - 1
+        )
         np.testing.assert_allclose(found["K_cb_above_percent"], above, atol=1e-6)
         assert 0.05 < above.max() < 5 and f"to {above.max():.2g} % above" in str(found["K_cb_note"])
-        assert list(found["inputs"])[3] == "stroke base, chain 1" and list(found["input_units"])[2] == "N mm"
+        assert (
+            list(found["inputs"])[3] == "stroke base, chain 1"
+            and list(found["input_units"])[2] == "N mm"
+        )
     with pytest.raises(BadInput, match=r"expected .npz or .mat"):
         model.write(tmp_path / "model.txt")

@@ -1,8 +1,8 @@
 """What drives do at finite displacement, where linear theory does not hold to its band.
 
-A stage on two leaf springs of length L, which a stack pushes: across the push it approaches the frame by
-`3 x^2 / (5 L)`, of which linear theory knows nothing. S. T. Smith, Flexures, 2000, chapter 4.
-"""
+A stage on two leaf springs of length L, which a stack pushes: across the push it approaches the
+frame by `3 x^2 / (5 L)`, of which linear theory knows nothing. S. T. Smith, Flexures, 2000, chapter
+4."""
 
 from __future__ import annotations
 
@@ -29,9 +29,16 @@ def parallelogram(stroke, stiffness=2000.0):
         material={"name": "al-7075-t6"},
         body=[
             {"name": "stage", "outline": [(-20, -3), (20, -3), (20, 3), (-20, 3)]},
-            {"name": "base", "outline": [(-20, -53), (20, -53), (20, -43), (-20, -43)], "fixed": True},
+            {
+                "name": "base",
+                "outline": [(-20, -53), (20, -53), (20, -43), (-20, -43)],
+                "fixed": True,
+            },
         ],
-        hinge=[{"name": f"leaf {x}", "between": ("base", "stage"), "at": (x, -23), **leaf} for x in (-15, 15)],
+        hinge=[
+            {"name": f"leaf {x}", "between": ("base", "stage"), "at": (x, -23), **leaf}
+            for x in (-15, 15)
+        ],
         output={"body": "stage", "at": (0, 0)},
         actuator=[{**PUSH, "stroke": stroke, "stiffness": stiffness}],
     )
@@ -69,17 +76,20 @@ def test_the_analytic_model_warns_of_strokes_beyond_linear_theory():
 
 
 def stress_factor(x):
-    """Highest stress of stretched leaves over that of bent ones: a tension steepens the bending at the ends.
+    """Highest stress of stretched leaves over that of bent ones: a tension steepens the bending at
+    the ends.
 
-    With `u^2 = N L^2 / (4 E I)` and `t = tanh(u) / u` the moment there is `u^2 t / (3 (1 - t))` times as large.
-    """
+    With `u^2 = N L^2 / (4 E I)` and `t = tanh(u) / u` the moment there is `u^2 t / (3 (1 - t))`
+    times as large."""
     u = np.sqrt(1.8) * x / HEIGHT
     t = np.tanh(u) / u
     return u**2 * t / (3 * (1 - t)) + x / (5 * HEIGHT)
 
 
 def percent(texts):
-    """The change of the motion and that of the stress, per cent, in the only warning on linear theory."""
+    """The change of the motion and that of the stress, per cent, in the only warning on linear
+    theory.
+    """
     (text,) = [text for text in texts if "linear theory" in text]
     motion, _, stress = text.rpartition("changes ")[2].partition(" %")
     return float(motion.split()[-1]), float(stress.rpartition("by ")[2].removesuffix(" %"))
@@ -97,7 +107,9 @@ def test_a_load_that_stretches_leaves_is_told_by_how_much_linear_theory_is_off()
     motion, stress = percent(held.warnings)
     assert motion == pytest.approx(0.0, abs=0.01)
     assert stress == pytest.approx(100 * (stress_factor(x) - 1), abs=1.0)
-    small = flexfem.stiffness(guide(both_sides=True), models="analytic", displacement=(x / 50, 0, 0))
+    small = flexfem.stiffness(
+        guide(both_sides=True), models="analytic", displacement=(x / 50, 0, 0)
+    )
     assert not [text for text in small.warnings if "linear theory" in text]
 
 
@@ -109,7 +121,11 @@ def test_a_heavy_stage_hangs_on_stretched_leaves():
     acceleration = 4 * (BEND * x + STRETCH * x**3) / mass
     (change,) = by_weight(mechanism, np.array([acceleration, 0.0])).each
     assert change.motion == pytest.approx(1 - 1 / 1.18, abs=0.01)
-    assert not [text for text in flexfem.gravity(mechanism, models="analytic").warnings if "linear theory" in text]
+    assert not [
+        text
+        for text in flexfem.gravity(mechanism, models="analytic").warnings
+        if "linear theory" in text
+    ]
 
 
 @pytest.mark.slow
@@ -119,6 +135,8 @@ def test_the_tension_of_stretched_leaves_counts_in_their_life():
     found = flexfem.life(mechanism, amplitude=(0.3 * HEIGHT, 0, 0), models="elements", resolution=4)
     at = {"model": ELEMENTS}
     highest = {name: float(found.at(name, **at).max()) for name in ("peak", "amplitude", "mean")}
-    assert highest["mean"] == pytest.approx((stress_factor(0.3 * HEIGHT) - 1) * highest["amplitude"], rel=CORNERS)
+    assert highest["mean"] == pytest.approx(
+        (stress_factor(0.3 * HEIGHT) - 1) * highest["amplitude"], rel=CORNERS
+    )
     assert highest["peak"] == pytest.approx(highest["amplitude"] + highest["mean"], rel=1e-6)
     assert any("not proportional" in text for text in found.warnings)

@@ -1,4 +1,6 @@
-"""The band that friction leaves of a pose: by hand, by all corners of the box, by its zeros, and by both witnesses."""
+"""The band that friction leaves of a pose: by hand, by all corners of the box, by its zeros, and by
+both witnesses.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +23,19 @@ from ..conftest import ROOT
 from ..tolerances import DENSE
 
 GEOMETRY = ROOT / "geometry"
-POSE, LOAD = (2e-3, -1e-3, 5e-5), (1.5, -0.8, 30.0)
+POSE = (2e-3, -1e-3, 5e-5)
+LOAD = (1.5, -0.8, 30.0)
 MODEL = (6, DEFAULT_FORMULA, False)
 
 
 def rough(stage, *changes):
-    """The stage with its actuators changed, contacts by stiffness, so that preloads do not change them."""
+    """The stage with its actuators changed, contacts by stiffness, so that preloads do not change
+    them.
+    """
     bare = [one.model_dump(exclude_unset=True) | {"ball_radius": None} for one in stage.actuator]
-    return stage.replace(actuator=[one | change for one, change in zip(bare, changes, strict=False)])
+    return stage.replace(
+        actuator=[one | change for one, change in zip(bare, changes, strict=False)]
+    )
 
 
 def at_rest(stage, *model, stiff=1.0):
@@ -39,17 +46,23 @@ def at_rest(stage, *model, stiff=1.0):
 
 
 def test_forces_along_link_1_turn_its_hinge_by_half_its_width_by_hand():
-    """Mobility three, base pairs alone, stacks of no stiffness: 2 x 0.3 x 40 N, 4.5 mm off the middle."""
+    """Mobility three, base pairs alone, stacks of no stiffness: 2 x 0.3 x 40 N, 4.5 mm off the
+    middle.
+    """
     stage = rough(load_stage(GEOMETRY / "mobility3.toml"), {"friction": 0.3, "preload": 40.0})
     of = assemble(stage, 3)
     at = stiffness(of)
     per_couple = at.influence.G_u @ at.C_aa
     expected = 2 * 0.3 * 40.0 * 4.5 * np.sum(np.abs(per_couple), axis=1)
-    np.testing.assert_allclose(at_rest(stage, 3, DEFAULT_FORMULA, False, stiff=0.0), expected, rtol=DENSE)
+    np.testing.assert_allclose(
+        at_rest(stage, 3, DEFAULT_FORMULA, False, stiff=0.0), expected, rtol=DENSE
+    )
 
 
 def test_no_band_where_the_face_of_a_contact_leads_through_the_hinge():
-    """The push is tilted until its face meets the hinge: 10 mm along the link, 4.5 mm beside its middle."""
+    """The push is tilted until its face meets the hinge: 10 mm along the link, 4.5 mm beside its
+    middle.
+    """
     for tilt, none in ((np.arctan(0.45), True), (-np.arctan(0.45), False), (0.0, False)):
         alone = {"friction": 0.3, "pair": False, "tilt": tilt}
         stage = rough(load_stage(GEOMETRY / "mobility3.toml"), alone)
@@ -58,32 +71,47 @@ def test_no_band_where_the_face_of_a_contact_leads_through_the_hinge():
 
 
 def test_no_friction_within_its_limits_moves_the_platform_further_and_some_does_as_far(stage):
-    """All corners of the box, with single stacks and a load: forces are those of the command, not the preloads."""
-    single = [{"pair": False, "friction": 0.25, "preload": 30.0}, {"pair": False, "friction": 0.15, "preload": 12.0}]
+    """All corners of the box, with single stacks and a load: forces are those of the command, not
+    the preloads.
+    """
+    single = [
+        {"pair": False, "friction": 0.25, "preload": 30.0},
+        {"pair": False, "friction": 0.15, "preload": 12.0},
+    ]
     stage = rough(stage, *single)
-    drive, one = drive_of(stage), commanding(ModelChoice(stage, *MODEL))
-    answer = flexfem.drive(stage, pose=POSE, load=LOAD, models="analytic", analytic=flexfem.Analytic(mobility=6))
+    drive = drive_of(stage)
+    one = commanding(ModelChoice(stage, *MODEL))
+    answer = flexfem.drive(
+        stage, pose=POSE, load=LOAD, models="analytic", analytic=flexfem.Analytic(mobility=6)
+    )
     force = np.maximum(answer.at("force", criterion="least energy"), 0.0)
     assert np.max(np.abs(force - drive.preload)) > 1.0
-    C = driven_model(stage, one.result, (*drive.stacks, *(each.across for each in drive.stacks))).compliance
+    C = driven_model(
+        stage, one.result, (*drive.stacks, *(each.across for each in drive.stacks))
+    ).compliance
     corners = np.array(list(product([-1, 1], repeat=6))) * drive.friction * force
     poses = corners @ np.array([held_pose(C, drive, k) for k in range(6)])
     np.testing.assert_allclose(np.max(poses, axis=0), answer.friction[0, 0], rtol=DENSE)
 
 
 def held_pose(C, drive, k):
-    """Pose by a newton along contact k: springs of the stacks and forces as one linear system of all ends."""
+    """Pose by a newton along contact k: springs of the stacks and forces as one linear system of
+    all ends.
+    """
     n = len(drive.stacks)
     given = np.zeros(2 * n)
     given[n + k] = 1.0
-    opened = np.linalg.solve(np.eye(n) + C[3 : 3 + n, 3 : 3 + n] * drive.stiffness, C[3 : 3 + n, 3:] @ given)
+    opened = np.linalg.solve(
+        np.eye(n) + C[3 : 3 + n, 3 : 3 + n] * drive.stiffness, C[3 : 3 + n, 3:] @ given
+    )
     return C[:3, 3:] @ given - C[:3, 3 : 3 + n] @ (drive.stiffness * opened)
 
 
 def test_bands_by_both_witnesses(stage):
     """Elastic links and calibrated hinges: within 0.5 per cent of a coarse mesh."""
     stage = rough(stage, {"friction": 0.1, "pair": False}, {"friction": 0.3, "arm": 7.0})
-    drive, metal = drive_of(stage), driven_elements(stage, 3)
+    drive = drive_of(stage)
+    metal = driven_elements(stage, 3)
     assert metal.across.shape == (3 + 9, 9)
     elements = left_open(metal.system, metal.across, drive.preload)
     np.testing.assert_allclose(at_rest(stage, None, CALIBRATED, True), elements, rtol=6e-3)
@@ -99,14 +127,19 @@ def test_a_contact_that_would_have_to_pull_holds_nothing(stage):
 
 
 def test_a_stated_friction_is_part_of_the_hash_of_the_drive_and_none_is_not(stage):
-    hashes = {rough(stage, *2 * [change]).drive_hash for change in ({}, {"friction": 0.2}, {"friction": 0.3})}
+    hashes = {
+        rough(stage, *2 * [change]).drive_hash
+        for change in ({}, {"friction": 0.2}, {"friction": 0.3})
+    }
     assert len(hashes) == 3
     assert rough(stage, *2 * [{"friction": 0.2}]).hash == stage.hash
 
 
 @pytest.mark.parametrize("value", ["-0.1", "2.5", "nan", '"much"'])
 def test_a_friction_out_of_range_is_refused(project, value):
-    path = project.edit("geometry/mobility6.toml", ("preload_n = 50.0", f"preload_n = 50.0\nfriction = {value}"))
+    path = project.edit(
+        "geometry/mobility6.toml", ("preload_n = 50.0", f"preload_n = 50.0\nfriction = {value}")
+    )
     with pytest.raises(BadInput, match="friction"):
         load_stage(path)
 
@@ -114,5 +147,7 @@ def test_a_friction_out_of_range_is_refused(project, value):
 def test_a_contact_of_one_chain_may_be_rougher(project):
     rougher = '[[override]]\nchain = 2\nactuator = "elbow"\nfriction = 0.4\n\n[provenance]'
     stage = load_stage(project.edit("geometry/mobility6.toml", ("[provenance]", rougher)))
-    np.testing.assert_array_equal(drive_of(stage).friction, [np.nan] * 6 + [0.4, 0.4] + [np.nan] * 4)
+    np.testing.assert_array_equal(
+        drive_of(stage).friction, [np.nan] * 6 + [0.4, 0.4] + [np.nan] * 4
+    )
     assert drive_of(stage).rubbing == (6, 7)

@@ -36,27 +36,38 @@ def unlike() -> Stage:
     return with_changes({"override": UNLIKE})
 
 
-def by_least_energy(stage: Stage, mobility: Any, rows: list[tuple[np.ndarray, float]], pose: np.ndarray | None):
+def by_least_energy(
+    stage: Stage, mobility: Any, rows: list[tuple[np.ndarray, float]], pose: np.ndarray | None
+):
     """Rotations (9,) and pose (3,) of a stage with rigid links, by constrained minimum energy.
 
-    Unknowns are the displacements of the joints and the pose; the chains meet at the pose, `rows` are conditions on
-    the 9 rotations, and the pose is given or free. Each is weighted by the root of its spring; a free pose has none.
-    """
-    frames, allowed = stage_frames(stage), freedoms_of(mobility) if isinstance(mobility, int) else mobility
+    Unknowns are the displacements of the joints and the pose; the chains meet at the pose, `rows`
+    are conditions on the 9 rotations, and the pose is given or free. Each is weighted by the root
+    of its spring; a free pose has none."""
+    frames = stage_frames(stage)
+    allowed = freedoms_of(mobility) if isinstance(mobility, int) else mobility
     table = np.stack(hinge_compliance(stage), axis=-1)
-    joints = [(i, j, k) for i in range(3) for j in range(3) for k in range(3) if KINDS[k] in allowed[i][j]]
+    joints = [
+        (i, j, k) for i in range(3) for j in range(3) for k in range(3) if KINDS[k] in allowed[i][j]
+    ]
     G = np.zeros((3, 3, len(joints)))
     for n, (i, j, k) in enumerate(joints):
-        (x, y), a = frames.centres[i, j], frames.axes[i, j]
+        x, y = frames.centres[i, j]
+        a = frames.axes[i, j]
         G[i, :, n] = [(y, -x, 1.0), (np.cos(a), np.sin(a), 0.0), (-np.sin(a), np.cos(a), 0.0)][k]
     root = np.sqrt([table[i, j, k] for i, j, k in joints])
-    turning = np.array([[(i, j, k) == (r // 3, r % 3, 0) for (i, j, k) in joints] for r in range(9)], dtype=float)
+    turning = np.array(
+        [[(i, j, k) == (r // 3, r % 3, 0) for (i, j, k) in joints] for r in range(9)], dtype=float
+    )
     if pose is None:  # chains 2 and 3 end where chain 1 does
-        A, b = np.concatenate([G[1] - G[0], G[2] - G[0]]), np.zeros(6)
+        A = np.concatenate([G[1] - G[0], G[2] - G[0]])
+        b = np.zeros(6)
     else:
-        A, b = G.reshape(9, -1), np.tile(pose, 3)
+        A = G.reshape(9, -1)
+        b = np.tile(pose, 3)
     for row, value in rows:
-        A, b = np.vstack([A, row @ turning]), np.append(b, value)
+        A = np.vstack([A, row @ turning])
+        b = np.append(b, value)
     size = np.linalg.norm(A * root, axis=1)
     q = root * lstsq(A * root / size[:, None], b / size, cond=1e-13)[0]
     return turning @ q, G[0] @ q
@@ -64,7 +75,9 @@ def by_least_energy(stage: Stage, mobility: Any, rows: list[tuple[np.ndarray, fl
 
 @pytest.mark.parametrize("mobility", [3, 6])
 def test_rotations_are_those_of_least_energy_and_metal_takes_them_by_least_energy(unlike, mobility):
-    """A stage with unlike chains as rigid links and springs, its constrained energy minimised by another route."""
+    """A stage with unlike chains as rigid links and springs, its constrained energy minimised by
+    another route.
+    """
     positions = (0,) if mobility == 3 else (0, 1)
     wanted, _ = by_least_energy(unlike, mobility, [], POSE)
     given = imposed(unlike, analyse(unlike, mobility), "joints")
@@ -79,7 +92,9 @@ def test_rotations_are_those_of_least_energy_and_metal_takes_them_by_least_energ
 
 @pytest.mark.parametrize("mobility", [None, 3, 12, 21])
 def test_a_model_takes_the_pose_by_its_own_rotations(unlike, mobility):
-    """With more freedoms than rotations too, with fewer, and with one chain of two axial freedoms and one of none."""
+    """With more freedoms than rotations too, with fewer, and with one chain of two axial freedoms
+    and one of none.
+    """
     stage = unlike
     if mobility is None:
         stage = unlike.replace(
@@ -110,22 +125,37 @@ def test_both_witnesses_read_and_impose_rotations_alike_with_unlike_chains(unlik
     assert np.max(np.abs(of_model - of_metal)) < CHART and np.max(np.abs(of_metal)) > 10 * CHART
 
 
-# --- the reference stages -----------------------------------------------------------------------------------------
+# --- the reference stages
+# -----------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def shipped(tmp_path_factory):
     """Cases by drive and direction, on coarse meshes."""
-    folder, found = tmp_path_factory.mktemp("cases"), {}
-    for drive, name in (("joints", "joints-x"), ("joints", "joints-theta"), ("strokes", "joints-x")):
-        text = (GEOMETRY.parent / f"cases/{name}.toml").read_text().replace("../geometry", str(GEOMETRY))
+    folder = tmp_path_factory.mktemp("cases")
+    found = {}
+    for drive, name in (
+        ("joints", "joints-x"),
+        ("joints", "joints-theta"),
+        ("strokes", "joints-x"),
+    ):
+        text = (
+            (GEOMETRY.parent / f"cases/{name}.toml")
+            .read_text()
+            .replace("../geometry", str(GEOMETRY))
+        )
         path = folder / f"{drive}-{name.removeprefix('joints-')}.toml"
-        path.write_text(text.replace('"joints"', f'"{drive}"').replace("points = 21", "points = 3\nresolution = 4"))
+        path.write_text(
+            text.replace('"joints"', f'"{drive}"').replace(
+                "points = 21", "points = 3\nresolution = 4"
+            )
+        )
         found[path.stem] = run_case(LoadedCase(path))
     return found
 
 
-PERCENT = {  # resolution 8; with rotations of stations of no length -1.109, -0.939, -0.256 and -0.587 along
+# resolution 8; with rotations of stations of no length -1.109, -0.939, -0.256 and -0.587 along
+PERCENT = {
     ("joints-x", "mobility three"): (-1.049, -0.059, 0.0),
     ("joints-x", "mobility six"): (-0.238, 0.037, 0.0),
     ("joints-theta", "mobility three"): (0.0, 0.0, -0.885),
@@ -137,7 +167,8 @@ PERCENT = {  # resolution 8; with rotations of stations of no length -1.109, -0.
 
 @pytest.mark.parametrize(("case", "label"), PERCENT, ids=str)
 def test_errors_of_the_reference_stages_with_joints_commanded(shipped, case, label):
-    found, band = shipped[case].at("percent", curve=label), shipped[case].band("percent", curve=label)
+    found = shipped[case].at("percent", curve=label)
+    band = shipped[case].band("percent", curve=label)
     np.testing.assert_allclose(found, PERCENT[case, label], atol=COARSE)
     assert np.all(np.abs(found - PERCENT[case, label]) < band + 0.0006)  # rounded
 
@@ -147,9 +178,13 @@ def test_a_result_has_what_was_imposed(shipped):
     assert result.drive == "joints" and "force" not in result.values
     assert result.axes["joint"][:3] == ("base, chain 1", "base, chain 2", "base, chain 3")
     given = result.at("rotation", curve="mobility three")
-    np.testing.assert_allclose(given[2, :3], [0.0, 1.4434e-3, -1.4434e-3], atol=1e-7)  # 0.05 / (2 * 30 sin 60)
+    np.testing.assert_allclose(
+        given[2, :3], [0.0, 1.4434e-3, -1.4434e-3], atol=1e-7
+    )  # 0.05 / (2 * 30 sin 60)
     np.testing.assert_allclose(given[0], -given[2], atol=1e-18)
-    assert np.all(np.isnan(given[:, 3:])) and not np.any(np.isnan(result.at("rotation", curve="mobility six")))
+    assert np.all(np.isnan(given[:, 3:])) and not np.any(
+        np.isnan(result.at("rotation", curve="mobility six"))
+    )
     fields = result.fields["mobility six"]
     hub = np.hypot(*fields.nodes.T) < 8.0 + 1e-9
     moved = fields.displacement[hub].mean(axis=0)
@@ -170,11 +205,18 @@ def test_strokes_are_of_the_drive_and_beyond_their_limits_it_is_said(shipped):
 
 
 def test_cases_that_cannot_be_driven_so_are_refused_in_one_line(project):
-    path = project.edit("cases/joints-x.toml", ('drive = "joints"', 'drive = "joints"\nanalysis = "nonlinear"'))
-    with pytest.raises(BadInput, match=r'^\S*joints-x.toml, line 8: drive = "joints", expected "force" with analysis'):
+    path = project.edit(
+        "cases/joints-x.toml", ('drive = "joints"', 'drive = "joints"\nanalysis = "nonlinear"')
+    )
+    with pytest.raises(
+        BadInput,
+        match=r'^\S*joints-x.toml, line 8: drive = "joints", expected "force" with analysis',
+    ):
         LoadedCase(path)
     path = project.edit("cases/joints-theta.toml", ('drive = "joints"', 'drive = "strokes"'))
     stage = project.path("geometry/mobility6.toml")
     load_stage(stage).replace(actuator=[]).save(stage)
-    with pytest.raises(BadInput, match=r"joints-theta.toml, line 8: drive = .strokes.*mobility6.toml has no"):
+    with pytest.raises(
+        BadInput, match=r"joints-theta.toml, line 8: drive = .strokes.*mobility6.toml has no"
+    ):
         LoadedCase(path)

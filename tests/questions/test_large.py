@@ -1,4 +1,6 @@
-"""Large displacements: two models that agree, numbers that belong to one another, figure and command."""
+"""Large displacements: two models that agree, numbers that belong to one another, figure and
+command.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,8 @@ from flexfem.units import DIRECTIONS
 
 COARSE = 2  # triangles across a neck: the nonlinearity is within 0.6 % of that with eight
 AGREE = 0.09  # pseudo-rigid over finite-element nonlinearity, less one: 0.07 in X on any mesh
-SUM, SLOPE = 1e-7, 1e-7  # percentage points: Gauss's sums, central differences
+SUM = 1e-7
+SLOPE = 1e-7  # percentage points: Gauss's sums, central differences
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +34,8 @@ def found(stage) -> Large:
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
 def test_16_is_the_slope_of_the_exact_load_and_its_sum_the_load(found, direction):
-    tangent, errors = found.at("tangent", direction=direction), found.at("errors", direction=direction)
+    tangent = found.at("tangent", direction=direction)
+    errors = found.at("errors", direction=direction)
     np.testing.assert_allclose(tangent[:, TANGENT], tangent[:, EXACT], rtol=0, atol=SLOPE)
     np.testing.assert_allclose(errors[:, TANGENT], errors[:, EXACT], rtol=0, atol=SUM)
     assert np.abs(tangent[:, WITHOUT] - tangent[:, EXACT]).max() > 0.05
@@ -43,11 +47,14 @@ def test_pseudo_rigid_stage_and_finite_elements_agree_on_the_nonlinearity(found,
         of = found.at(name, direction=direction)
         np.testing.assert_allclose(of[:, EXACT] / of[:, HELD], 1.0, atol=AGREE)
     stiffness = found.at("stiffness", direction=direction)
-    assert np.all(stiffness[:, WITHOUT] / stiffness[:, HELD] < 0.75), "(16) without its terms is nowhere near them"
+    assert np.all(stiffness[:, WITHOUT] / stiffness[:, HELD] < 0.75), (
+        "(16) without its terms is nowhere near them"
+    )
 
 
 def test_the_load_on_the_finite_elements_is_the_exact_one(found, stage):
-    load, response = at_pose(assemble(stage), np.array([0.0, -0.5, 0.0])).load, solved(stage, COARSE)
+    load = at_pose(assemble(stage), np.array([0.0, -0.5, 0.0])).load
+    response = solved(stage, COARSE)
     pose = equilibrium(response.mesh, plate_of(stage), load).pose[0]
     error = 100 * (response.compliance @ load - pose) * [1, 1, 24] / pose[1]  # l3 = 24 mm
     np.testing.assert_allclose(found.at("errors", direction="y")[0, LOADED], error, rtol=1e-6)
@@ -57,9 +64,14 @@ def test_the_load_on_the_finite_elements_is_the_exact_one(found, stage):
 
 
 def test_the_box_is_searched_at_its_corners_edges_and_faces(found, stage):
-    """Distances with rotations by l3 = 24 mm; tangent compliances with the second-order terms over those without."""
-    of, C = assemble(stage), analyse(stage).compliance
-    ends = np.array([(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if i or j or k])
+    """Distances with rotations by l3 = 24 mm; tangent compliances with the second-order terms over
+    those without.
+    """
+    of = assemble(stage)
+    C = analyse(stage).compliance
+    ends = np.array(
+        [(i, j, k) for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if i or j or k]
+    )
     for part, position, terms in zip((0.1, 1.0), found.position, found.terms, strict=True):
         poses = part * ends * [0.5, 0.5, 0.01]
         off = (at_pose(of, poses).load @ C - poses) * [1, 1, 24]
@@ -67,7 +79,8 @@ def test_the_box_is_searched_at_its_corners_edges_and_faces(found, stage):
         assert position == pytest.approx(100 * np.max(np.linalg.norm(off, axis=1) / size), rel=1e-7)
         at = at_pose(of, poses)
         with_terms, without = (
-            np.array([np.diag(np.linalg.inv(K)) for K in each.stiffness()]) for each in (at, at.without_terms)
+            np.array([np.diag(np.linalg.inv(K)) for K in each.stiffness()])
+            for each in (at, at.without_terms)
         )
         assert terms == pytest.approx(100 * np.max(np.abs(with_terms / without - 1)), rel=1e-6)
 
@@ -78,9 +91,15 @@ def test_a_command_out_of_reach_is_refused(stage):
 
 
 def test_the_figure_draws_every_theory_over_the_command(found):
-    lines = {line.get_label(): line.get_xydata() for line in large_figure(found).axes[1].get_lines()}
-    exact = np.column_stack([np.linspace(-500, 500, 41), found.at("errors", direction="x")[:, EXACT, 0]])
+    lines = {
+        line.get_label(): line.get_xydata() for line in large_figure(found).axes[1].get_lines()
+    }
+    exact = np.column_stack(
+        [np.linspace(-500, 500, 41), found.at("errors", direction="x")[:, EXACT, 0]]
+    )
     np.testing.assert_allclose(lines["exact equilibrium"], exact, atol=1e-9)
-    np.testing.assert_allclose(lines["finite elements held at the command"][:, 0], [-500, -50, 0, 50, 500], atol=1e-9)
+    np.testing.assert_allclose(
+        lines["finite elements held at the command"][:, 0], [-500, -50, 0, 50, 500], atol=1e-9
+    )
     loaded = lines["finite elements under the load of exact equilibrium"]
     np.testing.assert_allclose(loaded[:, 1], found.at("error", direction="x")[:, LOADED])

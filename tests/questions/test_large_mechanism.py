@@ -1,4 +1,6 @@
-"""Mechanisms at large displacements: exact arcs, tangents, closed forms of parallelograms, published solutions."""
+"""Mechanisms at large displacements: exact arcs, tangents, closed forms of parallelograms,
+published solutions.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from flexfem.refused import BadInput, ComputationFailed
 
 from ..conftest import ROOT
 
-LENGTH, UNIT = 250.0, 210e3 * 50 * 5**3 / 12 / 250**2  # mm, and N of the normalised force F L^2 / (E I)
+LENGTH = 250.0
+UNIT = 210e3 * 50 * 5**3 / 12 / 250**2  # mm, and N of the normalised force F L^2 / (E I)
 SCALE = np.array([LENGTH, LENGTH, 1.0])
 SHARES = np.array([0.5, 5.0, 10.0, 20.0])
 
@@ -33,12 +36,26 @@ def upwards(layout, forces):
 
 
 def test_a_moment_bends_a_leaf_into_an_arc_and_does_work_on_the_rotation_of_its_body():
-    """Body forces of fixed directions would lose two thirds of the moment at 1.2 rad; the output is off the body."""
-    leaf = {"name": "leaf", "between": ("ground", "tip"), "at": (50, 0), "direction": 0.0, "shape": "leaf"}
+    """Body forces of fixed directions would lose two thirds of the moment at 1.2 rad; the output is
+    off the body.
+    """
+    leaf = {
+        "name": "leaf",
+        "between": ("ground", "tip"),
+        "at": (50, 0),
+        "direction": 0.0,
+        "shape": "leaf",
+    }
     one = flexfem.Mechanism(
         name="leaf",
         thickness=4.0,
-        material={"name": "steel", "youngs_modulus": 2e5, "poissons_ratio": 0.0, "density": 7.9, "yield_strength": 1e3},
+        material={
+            "name": "steel",
+            "youngs_modulus": 2e5,
+            "poissons_ratio": 0.0,
+            "density": 7.9,
+            "yield_strength": 1e3,
+        },
         body=[
             {"name": "ground", "outline": [(-9, -9), (0, -9), (0, 9), (-9, 9)], "fixed": True},
             {"name": "tip", "outline": [(100, -9), (115, -9), (115, 9), (100, 9)]},
@@ -46,11 +63,14 @@ def test_a_moment_bends_a_leaf_into_an_arc_and_does_work_on_the_rotation_of_its_
         hinge=[{**leaf, "length": 100.0, "neck": 1.0}],
         output={"body": "tip", "at": (103.0, 20.0)},
     )
-    EI, moments = 2e5 * 4 / 12, np.array([0.012, 0.6, 1.2]) * 2e5 * 4 / 12 / 100
+    EI = 2e5 * 4 / 12
+    moments = np.array([0.012, 0.6, 1.2]) * 2e5 * 4 / 12 / 100
     found = equilibria(model_of(one, 2), np.outer(moments, [0, 0, 1]))
     turn = found.pose[:, 2]
     np.testing.assert_allclose(turn / moments, turn[0] / moments[0], rtol=1e-3)
-    assert turn[0] == pytest.approx(moments[0] * 100 / EI, rel=6e-3)  # softer by the elastic root: half a height
+    assert turn[0] == pytest.approx(
+        moments[0] * 100 / EI, rel=6e-3
+    )  # softer by the elastic root: half a height
     np.testing.assert_allclose(found.energy, moments * turn / 2, rtol=2e-3)
     tip = 100j * (1 - np.exp(1j * turn)) / turn + (3 + 20j) * np.exp(1j * turn) - (103 + 20j)
     np.testing.assert_allclose(found.pose[:, 0] + 1j * found.pose[:, 1], tip, rtol=5e-3)
@@ -58,14 +78,23 @@ def test_a_moment_bends_a_leaf_into_an_arc_and_does_work_on_the_rotation_of_its_
 
 def test_small_loads_find_the_linear_compliance_and_tangents_the_change_of_the_equilibrium():
     mechanism = flexfem.load(ROOT / "geometry" / "parallelogram.toml")
-    model, C = model_of(mechanism, 2), solved(mechanism, 2).compliance
-    scale, load = np.sqrt(np.diag(C)), np.array([1.0, 0.7, 0.4, 0.9])
+    model = model_of(mechanism, 2)
+    C = solved(mechanism, 2).compliance
+    scale = np.sqrt(np.diag(C))
+    load = np.array([1.0, 0.7, 0.4, 0.9])
     small = equilibria(model, 1e-6 * load / scale)
-    np.testing.assert_allclose(small.pose[0] / scale, 1e-6 * (C @ (load / scale)) / scale, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(small.compliance[0] / np.outer(scale, scale), C / np.outer(scale, scale), atol=1e-5)
+    np.testing.assert_allclose(
+        small.pose[0] / scale, 1e-6 * (C @ (load / scale)) / scale, rtol=0, atol=1e-11
+    )
+    np.testing.assert_allclose(
+        small.compliance[0] / np.outer(scale, scale), C / np.outer(scale, scale), atol=1e-5
+    )
     large = load / scale
     step = 1e-3 * np.eye(4) / scale
-    ahead, behind = (np.array([equilibria(model, large + side * one).pose[0] for one in step]) for side in (1, -1))
+    ahead, behind = (
+        np.array([equilibria(model, large + side * one).pose[0] for one in step])
+        for side in (1, -1)
+    )
     tangent = equilibria(model, large).compliance[0] / np.outer(scale, scale)
     np.testing.assert_allclose(tangent, (ahead - behind) / scale / 2e-3, rtol=0, atol=1e-5)
     assert np.abs(tangent - C / np.outer(scale, scale)).max() > 1e-2
@@ -73,15 +102,19 @@ def test_small_loads_find_the_linear_compliance_and_tangents_the_change_of_the_e
 
 @pytest.mark.parametrize("finite", [True, False], ids=["finite elements", "beams"])
 def test_a_parallelogram_shortens_and_stiffens_as_the_beam_constraint_model(parallelogram, finite):
-    """`u_x = -0.6 u_y^2 / L` and `K_y = (24 + 1.2 A - A^2 / 1400) E I / L^3` with an axial force A (S. Awtar, A. H.
-    Slocum, E. Sevincer, J. Mech. Des. 129 (2007) 625). Elastic roots lengthen leaves of 1 mm by 0.3 %.
-    """
+    """`u_x = -0.6 u_y^2 / L` and `K_y = (24 + 1.2 A - A^2 / 1400) E I / L^3` with an axial force A
+    (S. Awtar, A. H. Slocum, E. Sevincer, J. Mech. Des. 129 (2007) 625). Elastic roots lengthen
+    leaves of 1 mm by 0.3 %."""
     mechanism = parallelogram("plane_stress", 1.0)
     unit = UNIT / 125
 
     def moved(*loads):
         loads = unit * np.array(loads)
-        found = equilibria(model_of(mechanism, 2), loads).pose if finite else displaced(mechanism.layout, loads).motions
+        found = (
+            equilibria(model_of(mechanism, 2), loads).pose
+            if finite
+            else displaced(mechanism.layout, loads).motions
+        )
         return found[:, :3] / SCALE
 
     rest, pulled, pushed = (moved((A, 0, 0), (A, 0.2, 0), (A, 0.4, 0)) for A in (0.0, 6.0, -6.0))
@@ -91,23 +124,32 @@ def test_a_parallelogram_shortens_and_stiffens_as_the_beam_constraint_model(para
 
 
 def test_a_parallelogram_follows_published_finite_elements_in_three_dimensions(parallelogram):
-    """H.-J. Su, github.com/haijunsu-osu/parallelogram_model_comparison: CalculiX, tetrahedra of 10 mm; A_y = 5 of 3 mm.
+    """H.-J. Su, github.com/haijunsu-osu/parallelogram_model_comparison: CalculiX, tetrahedra of 10
+    mm; A_y = 5 of 3 mm.
 
-    The leaves are ten times as wide as thick: linear finite elements place them between plane stress and plane strain.
-    Tetrahedra of 10 mm are 0.6 % too stiff at A_y = 5. Strongly bent leaves lose their anticlastic curvature and become
-    stiffer, which adds about 1 % at A_y = 20. Su's stage is 24 times stiffer: loads of finite elements are reduced by
-    the share of the stage in the compliance; its bending changes small rotations, but not those of large displacements.
+    The leaves are ten times as wide as thick: linear finite elements place them between plane
+    stress and plane strain. Tetrahedra of 10 mm are 0.6 % too stiff at A_y = 5. Strongly bent
+    leaves lose their anticlastic curvature and become stiffer, which adds about 1 % at A_y = 20.
+    Su's stage is 24 times stiffer: loads of finite elements are reduced by the share of the stage
+    in the compliance; its bending changes small rotations, but not those of large displacements.
     """
-    published = np.array([[-2.430e-4, 0.020062], [-0.022847, 0.193272], [-0.078428, 0.352388], [-0.215222, 0.559876]])
+    published = np.array(
+        [[-2.430e-4, 0.020062], [-0.022847, 0.193272], [-0.078428, 0.352388], [-0.215222, 0.559876]]
+    )
     planes = [parallelogram(plane) for plane in ("plane_stress", "plane_strain")]
     stress, strain = (solved(plane, 4).compliance[1, 1] for plane in planes)
     place = (stress - elements(planes[0], 4, 2).compliance[1, 1]) / (stress - strain)
     assert place == pytest.approx(0.35, abs=0.02)
     between = np.array([1 - place, place])
-    beams = [displaced(each.layout, upwards(each.layout, UNIT * SHARES)).motions[:, :3] / SCALE for each in planes]
+    beams = [
+        displaced(each.layout, upwards(each.layout, UNIT * SHARES)).motions[:, :3] / SCALE
+        for each in planes
+    ]
     by_elements = []
     for each in planes:
-        rigid, elastic = (respond(each.layout, parts).compliance[1, 1] for parts in ((), parts_of(each).bodies))
+        rigid, elastic = (
+            respond(each.layout, parts).compliance[1, 1] for parts in ((), parts_of(each).bodies)
+        )
         loads = upwards(each.layout, UNIT * SHARES * rigid / elastic)
         by_elements.append(equilibria(model_of(each, 4), loads).pose[:, :3] / SCALE)
     for found in (beams, by_elements):
@@ -122,10 +164,16 @@ def test_an_amplitude_is_reached_by_beams_and_finite_elements_whose_leaves_stret
     """The linear force of 2 mm moves the finite elements of this guide by 3 % more."""
     mechanism = flexfem.load(ROOT / "geometry" / "parallelogram.toml")
     found = flexfem.large(mechanism, amplitude=2.0)
-    np.testing.assert_allclose(found.pose[:, :, 0], np.outer([0.5, 1.0, 1.5, 2.0], np.ones(3)), rtol=1e-9)
+    np.testing.assert_allclose(
+        found.pose[:, :, 0], np.outer([0.5, 1.0, 1.5, 2.0], np.ones(3)), rtol=1e-9
+    )
     assert "force" not in found.values
-    again = equilibria(model_of(mechanism, 4), np.append(found.driving[:, 2], np.zeros((4, 1)), axis=1))
-    np.testing.assert_allclose(again.pose[:, :3], found.pose[:, 2] * [1, 1, 1], rtol=1e-5, atol=1e-9)
+    again = equilibria(
+        model_of(mechanism, 4), np.append(found.driving[:, 2], np.zeros((4, 1)), axis=1)
+    )
+    np.testing.assert_allclose(
+        again.pose[:, :3], found.pose[:, 2] * [1, 1, 1], rtol=1e-5, atol=1e-9
+    )
 
 
 def test_an_amplitude_with_an_angle_turns_the_output():
@@ -137,12 +185,26 @@ def test_an_amplitude_with_an_angle_turns_the_output():
 
 
 def test_rotations_grow_beyond_half_a_turn():
-    """A moment bends a leaf to an arc of the angle `M L / E I`; an angle that wraps at pi has no such moment."""
-    leaf = {"name": "leaf", "between": ("ground", "tip"), "at": (50, 0), "direction": 0.0, "shape": "leaf"}
+    """A moment bends a leaf to an arc of the angle `M L / E I`; an angle that wraps at pi has no
+    such moment.
+    """
+    leaf = {
+        "name": "leaf",
+        "between": ("ground", "tip"),
+        "at": (50, 0),
+        "direction": 0.0,
+        "shape": "leaf",
+    }
     one = flexfem.Mechanism(
         name="leaf",
         thickness=4.0,
-        material={"name": "steel", "youngs_modulus": 2e5, "poissons_ratio": 0.0, "density": 7.9, "yield_strength": 1e3},
+        material={
+            "name": "steel",
+            "youngs_modulus": 2e5,
+            "poissons_ratio": 0.0,
+            "density": 7.9,
+            "yield_strength": 1e3,
+        },
         body=[
             {"name": "ground", "outline": [(-9, -9), (0, -9), (0, 9), (-9, 9)], "fixed": True},
             {"name": "tip", "outline": [(100, -9), (115, -9), (115, 9), (100, 9)]},
@@ -157,13 +219,20 @@ def test_rotations_grow_beyond_half_a_turn():
 
 
 def test_a_load_without_equilibrium_is_said_with_its_units_and_direction():
-    """The load is the one that moves the linear pivot by 9 mm along its softest translation, x or y."""
+    """The load is the one that moves the linear pivot by 9 mm along its softest translation, x or
+    y.
+    """
     pivot = flexfem.load(ROOT / "geometry/pivot.toml")
     compliance = flexfem.stiffness(pivot, models="analytic").at("compliance")[0]
     axis = int(np.argmax(np.diag(compliance)[:2]))
-    asked = f"the load was to grow to {9 / compliance[axis, axis]:.3g} N on output {'xy'[axis]}, expected a smaller"
+    asked = (
+        f"the load was to grow to {9 / compliance[axis, axis]:.3g} N on output {'xy'[axis]}, "
+        "expected a smaller"
+    )
     with pytest.raises(ComputationFailed) as failed:
-        flexfem.large(pivot, force=tuple(9 / compliance[axis, axis] * np.eye(3)[axis]), models="analytic")
+        flexfem.large(
+            pivot, force=tuple(9 / compliance[axis, axis] * np.eye(3)[axis]), models="analytic"
+        )
     said = re.match(r"no equilibrium beyond (\S+) N on output (\w): ", str(failed.value))
     assert said is not None and asked in str(failed.value)
     assert said[2] == "xy"[axis] and 0 < float(said[1]) < 9 / compliance[axis, axis]

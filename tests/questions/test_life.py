@@ -23,8 +23,13 @@ from ..conftest import ROOT
 from ..tolerances import SOLVED
 
 GEOMETRY = ROOT / "geometry"
-STRESS, CYCLES = [948, 834, 703, 631, 579, 524], [222, 992, 6004, 14130, 43860, 132150]
-UNLIKE = {(2, "elbow"): {"neck": 0.43}, (3, "platform"): {"radius": 1.8}, (1, "base"): {"neck": 0.57}}
+STRESS = [948, 834, 703, 631, 579, 524]
+CYCLES = [222, 992, 6004, 14130, 43860, 132150]
+UNLIKE = {
+    (2, "elbow"): {"neck": 0.43},
+    (3, "platform"): {"radius": 1.8},
+    (1, "base"): {"neck": 0.57},
+}
 
 
 @pytest.fixture(scope="module")
@@ -39,31 +44,47 @@ def analytic(stage, amplitude, **others):
 
 
 def test_basquin_counts_reversals_two_a_cycle():
-    """sigma'_f 900 MPa, b = -0.102, by hand: at 219.8 MPa (219.8/900)^(1/-0.102) = 1.0045e6 reversals."""
+    """sigma'_f 900 MPa, b = -0.102, by hand: at 219.8 MPa (219.8/900)^(1/-0.102) = 1.0045e6
+    reversals.
+    """
     law = flexfem.Basquin(900.0, -0.102)
     assert float(law.cycles(219.8)) == pytest.approx(5.02e5, rel=3e-3)
     assert float(law.cycles(900.0)) == 0.5  # one reversal
-    assert float(law.amplitude(1e6)) == pytest.approx(900 * 2e6**-0.102) == pytest.approx(204.9, abs=0.05)
+    assert (
+        float(law.amplitude(1e6))
+        == pytest.approx(900 * 2e6**-0.102)
+        == pytest.approx(204.9, abs=0.05)
+    )
     assert math.isinf(float(law.cycles(0.0)))
 
 
 def test_mean_stress_by_walker_and_by_smith_watson_and_topper():
-    """Of 100 about 60 MPa: SWT sqrt(160 100) = 126.49; gamma 0.65: 160^0.35 100^0.65 = 117.88; none pulled, no harm."""
-    a, m = np.array([100.0, 100.0, 100.0, 100.0]), np.array([60.0, 0.0, -60.0, -130.0])
+    """Of 100 about 60 MPa: SWT sqrt(160 100) = 126.49; gamma 0.65: 160^0.35 100^0.65 = 117.88; none
+    pulled, no harm.
+    """
+    a = np.array([100.0, 100.0, 100.0, 100.0])
+    m = np.array([60.0, 0.0, -60.0, -130.0])
     assert equivalent(a, m, 0.5) == pytest.approx([126.491, 100.0, 63.2456, 0.0], rel=1e-5)
     assert equivalent(a, m, 0.65)[:3] == pytest.approx([117.8805, 100.0, 72.5640], rel=1e-5)
     assert equivalent(a, m, 1.0) == pytest.approx([100.0, 100.0, 100.0, 0.0])
 
 
 def test_dowlings_example_is_fitted_to_the_digits_of_the_book():
-    """Mechanical Behavior of Materials, 4th ed., Example 9.1: A 1587 MPa, B -0.0945, sigma'_f 1695 MPa."""
+    """Mechanical Behavior of Materials, 4th ed., Example 9.1: A 1587 MPa, B -0.0945, sigma'_f 1695
+    MPa.
+    """
     found = flexfem.fit_basquin(STRESS, CYCLES)
     assert (round(found.A), round(found.B, 4), round(found.coefficient)) == (1587, -0.0945, 1695)
     assert found.exponent_interval == pytest.approx((-0.1012, -0.0886), abs=1e-4)
     assert found.coefficient_interval == pytest.approx((1600, 1809), abs=1)
-    assert found.law.cycles(found.law.amplitude(1e5)) == pytest.approx(1e5) and found.law.range == (222, 132150)
+    assert found.law.cycles(found.law.amplitude(1e5)) == pytest.approx(1e5) and found.law.range == (
+        222,
+        132150,
+    )
     assert found.scatter == pytest.approx(0.0549, abs=1e-4)
-    exact = flexfem.fit_basquin(found.law.amplitude(CYCLES), CYCLES)  # points on the line: an interval of no width
+    exact = flexfem.fit_basquin(
+        found.law.amplitude(CYCLES), CYCLES
+    )  # points on the line: an interval of no width
     assert exact.coefficient_interval == pytest.approx((found.coefficient,) * 2, rel=1e-6)
 
 
@@ -92,15 +113,29 @@ def test_the_stress_at_zero_mean_is_the_neck_stress_of_the_models(unlike):
     stresses = flexfem.analyse(unlike).neck_stress(pose), flexfem.solve(unlike, 5).neck_stress(pose)
     for k, stress in enumerate(stresses):
         np.testing.assert_allclose(found.equivalent[k], stress, rtol=SOLVED)
-        assert found.life[k] == pytest.approx(0.5 * (np.max(stress) / 900) ** (1 / -0.102), rel=1e-6)
+        assert found.life[k] == pytest.approx(
+            0.5 * (np.max(stress) / 900) ** (1 / -0.102), rel=1e-6
+        )
         assert found.safety[k] == pytest.approx(303.0 / np.max(stress))
     band = np.nanmax(found.band("equivalent", model=ELEMENTS))
     assert band / np.max(stresses[1]) == pytest.approx(0.0071, rel=0.25)
 
 
 def test_notch_sensitivity_lets_less_of_the_concentration_count_and_all_of_it_for_yield(unlike):
-    """By hand: K = 1.0642 in bending at t/R = 1/3, so that (1 + 0.4 0.0642) / 1.0642 = 0.9638 counts; nine necks."""
-    by_hand = [0.98364, 0.96382, 0.96382, 0.98558, 0.96847, 0.96382, 0.98558, 0.96382, 0.96937]  # t/R 0.125 to 0.333
+    """By hand: K = 1.0642 in bending at t/R = 1/3, so that (1 + 0.4 0.0642) / 1.0642 = 0.9638
+    counts; nine necks.
+    """
+    by_hand = [
+        0.98364,
+        0.96382,
+        0.96382,
+        0.98558,
+        0.96847,
+        0.96382,
+        0.98558,
+        0.96382,
+        0.96937,
+    ]  # t/R 0.125 to 0.333
     asked = {"amplitude": (0.05, 0.02, 0.0), "ratio": 0, "resolution": 4}
     full, part = (flexfem.life(unlike, **asked, notch_sensitivity=q) for q in (1.0, 0.4))
     ratios = np.broadcast_to(np.reshape(by_hand, (3, 3)), (2, 3, 3))
@@ -112,7 +147,9 @@ def test_notch_sensitivity_lets_less_of_the_concentration_count_and_all_of_it_fo
 
 @pytest.mark.slow
 def test_both_models_agree_on_unlike_chains_with_a_mean(unlike):
-    """Neck by neck, where it matters, in one plane; the stress within 2 %, the first neck within its error."""
+    """Neck by neck, where it matters, in one plane; the stress within 2 %, the first neck within
+    its error.
+    """
     asked = {"amplitude": (0.05, 0.02, -3e-4), "mean": (-0.04, 0.05, 6e-4)}
     stage = unlike.replace(model="plane_stress")
     found = flexfem.life(stage, **asked)
@@ -120,7 +157,10 @@ def test_both_models_agree_on_unlike_chains_with_a_mean(unlike):
     np.testing.assert_allclose(found.equivalent[0], found.equivalent[1], atol=0.02 * highest)
     first = np.argmax(found.equivalent[1])
     assert np.argmax(found.equivalent[0]) == first and abs(found.mean[1].flat[first]) > 10
-    assert found.fewest[0] < found.life[1] < found.most[0] and found.fewest[1] < found.life[1] < found.most[1]
+    assert (
+        found.fewest[0] < found.life[1] < found.most[0]
+        and found.fewest[1] < found.life[1] < found.most[1]
+    )
     finer = flexfem.life(stage, **asked, models="elements", resolution=15)
     assert found.fewest[1] < finer.life[0] < found.most[1]
 
@@ -130,7 +170,9 @@ def test_a_ratio_is_least_over_greatest_and_shortens_life(unlike):
     first = np.argmax(pulsating.equivalent)
     assert pulsating.mean.flat[first] == pytest.approx(pulsating.amplitude.flat[first])
     assert not np.any(reversed_.mean)
-    assert pulsating.equivalent.flat[first] == pytest.approx(2**0.5 * reversed_.equivalent.flat[first])  # sqrt(2 a a)
+    assert pulsating.equivalent.flat[first] == pytest.approx(
+        2**0.5 * reversed_.equivalent.flat[first]
+    )  # sqrt(2 a a)
     half = analytic(unlike, (0.05, 0, 0), ratio=0.5)
     mean = analytic(unlike, (0.05, 0, 0), mean=(0.15, 0, 0))
     assert mean.life[0] == pytest.approx(half.life[0])
@@ -144,7 +186,9 @@ def modelled(unlike):
 
 @settings(max_examples=60, deadline=None)
 @given(
-    st.tuples(*[st.floats(-0.1, 0.1)] * 2, st.floats(-2e-3, 2e-3)).filter(lambda p: abs(p[0]) > 1e-3),
+    st.tuples(*[st.floats(-0.1, 0.1)] * 2, st.floats(-2e-3, 2e-3)).filter(
+        lambda p: abs(p[0]) > 1e-3
+    ),
     st.one_of(st.floats(-1.0, 0.9), st.tuples(*[st.floats(-0.2, 0.2)] * 2, st.floats(-2e-3, 2e-3))),
     st.floats(1e2, 1e8),
     st.floats(0.2, 1.0),
@@ -155,7 +199,9 @@ def test_the_amplitude_for_a_life_has_that_life(unlike, modelled, pose, about, c
     motion = cyclic_motion(np.array(pose), mean, ratio, 1e6)
     factor = factor_at(by_model(unlike, modelled, motion), law, cycles, motion.proportional)
     again = by_model(unlike, modelled, cyclic_motion(factor * np.array(pose), mean, ratio, 1e6))
-    assert float(law.cycles(np.max(again.equivalent(law.walker)))) == pytest.approx(cycles, rel=1e-6)
+    assert float(law.cycles(np.max(again.equivalent(law.walker)))) == pytest.approx(
+        cycles, rel=1e-6
+    )
 
 
 def test_the_amplitude_for_the_wanted_life_has_it(unlike):
@@ -163,13 +209,18 @@ def test_the_amplitude_for_the_wanted_life_has_it(unlike):
     first = analytic(unlike, (0.05, -0.02, 4e-4), **asked)
     np.testing.assert_allclose(first.largest[0], first.factor[0] * np.array([0.05, -0.02, 4e-4]))
     again = analytic(unlike, tuple(first.largest[0]), **asked)
-    assert first.factor[0] > 1.5 and (again.life[0], again.factor[0]) == (pytest.approx(3e5), pytest.approx(1.0))
+    assert first.factor[0] > 1.5 and (again.life[0], again.factor[0]) == (
+        pytest.approx(3e5),
+        pytest.approx(1.0),
+    )
     assert first.peak_at_largest[0] == pytest.approx(303.0 / again.safety[0])
 
 
 def test_what_basquin_is_not_for_is_warned_of(unlike):
     far = analytic(unlike, (0.4, 0, 0))
-    assert far.safety[0] < 1 and any("beyond the yield strength of 303" in text for text in far.warnings)
+    assert far.safety[0] < 1 and any(
+        "beyond the yield strength of 303" in text for text in far.warnings
+    )
     near = analytic(unlike, (0.01, 0, 0), cycles=1e9)
     said = [text for text in near.warnings if "extrapolated" in text]
     assert len(said) == 2 and all("1000 to 1e6" in text for text in said) and near.safety[0] > 1
@@ -190,15 +241,21 @@ def test_off_the_chart_of_hinges_nothing_is_said_of_the_error_of_the_stress(unli
 
 
 def test_a_figure_counts_the_necks_whose_life_is_beyond_it(unlike):
-    """At 1 um all nine live longer than 1e14 cycles, at 0.1 mm two. Those of less than a reversal are drawn there."""
+    """At 1 um all nine live longer than 1e14 cycles, at 0.1 mm two. Those of less than a reversal
+    are drawn there.
+    """
     short = analytic(unlike, (100.0, 100.0, 100.0), law=flexfem.Basquin(1000.0, -0.01))
-    assert np.any(short.cycles == 0) and 0 < plot_life(Figure().subplots(), short).get_xlim()[0] < 0.5
+    assert (
+        np.any(short.cycles == 0) and 0 < plot_life(Figure().subplots(), short).get_xlim()[0] < 0.5
+    )
     for size, count in ((1e-3, 9), (0.1, 2)):
         found = analytic(unlike, (size, size, 0), ratio=0.5)
         axes = plot_life(Figure().subplots(), found)
         drawn = sum(len(line.get_xdata()) for line in axes.lines if ANALYTIC in line.get_label())
         assert drawn == 9 - count == np.sum(found.cycles < 1e14)
-        assert axes.get_xlabel() == f"cycles to failure; {count} of 9 points beyond 1×10¹⁴, not drawn"
+        assert (
+            axes.get_xlabel() == f"cycles to failure; {count} of 9 points beyond 1×10¹⁴, not drawn"
+        )
 
 
 def test_the_figure_of_a_mechanism_names_its_hinges_and_draws_those_of_every_model():
@@ -210,24 +267,43 @@ def test_the_figure_of_a_mechanism_names_its_hinges_and_draws_those_of_every_mod
     (drawn,) = (line for line in axes.lines if ANALYTIC in str(line.get_label()))
     np.testing.assert_allclose(np.sort(drawn.get_xdata()), np.sort(found.cycles[0]))
     header = "\n".join(text.get_text() for text in life_figure(found).texts)
-    assert re.search(r"first at hinge leaf\b", header.replace("\n", " ")) and "sensitivity" not in header
+    assert (
+        re.search(r"first at hinge leaf\b", header.replace("\n", " "))
+        and "sensitivity" not in header
+    )
 
 
 def test_a_mean_of_bending_pulls_one_surface_of_a_neck_whatever_its_sign(unlike, modelled):
-    pose, mean = np.array([0.02, 0.01, 0.0]), np.array([0.06, 0.0, 0.0])
+    pose = np.array([0.02, 0.01, 0.0])
+    mean = np.array([0.06, 0.0, 0.0])
     for sign in (1, -1):
         motion = CyclicMotion(pose, sign * mean, False, 1e6)
-        of, fe = by_model(unlike, modelled, motion), by_elements(unlike, solved(unlike, 5), motion)
+        of = by_model(unlike, modelled, motion)
+        fe = by_elements(unlike, solved(unlike, 5), motion)
         assert np.max(of.equivalent(0.5)) == pytest.approx(np.max(fe.equivalent(0.5)), rel=0.02)
         assert np.max(of.equivalent(0.5)) > 1.2 * np.max(of.amplitude)
 
 
 @pytest.mark.usefixtures("unrendered")
 def test_the_command_prints_and_writes_the_answer_with_a_fit(unlike, tmp_path, capsys):
-    stage, points = tmp_path / "stage.toml", tmp_path / "points.csv"
+    stage = tmp_path / "stage.toml"
+    points = tmp_path / "points.csv"
     unlike.save(stage)
-    points.write_text("# house\nstress_mpa, cycles\n" + "\n".join(map("{}, {}".format, STRESS, CYCLES)))
-    command = ["life", str(stage), "--amplitude", "0.05", "0", "0", "--models", "analytic", "--fit", str(points)]
+    points.write_text(
+        "# house\nstress_mpa, cycles\n" + "\n".join(map("{}, {}".format, STRESS, CYCLES))
+    )
+    command = [
+        "life",
+        str(stage),
+        "--amplitude",
+        "0.05",
+        "0",
+        "0",
+        "--models",
+        "analytic",
+        "--fit",
+        str(points),
+    ]
     cli.app([*command, "-o", str(tmp_path)], standalone_mode=False)
     out = capsys.readouterr().out
     assert (tmp_path / "stage-life.png").exists() and (tmp_path / "stage-life.json").exists()
@@ -235,6 +311,8 @@ def test_the_command_prints_and_writes_the_answer_with_a_fit(unlike, tmp_path, c
     for row, said in (("948, 0", "cycles = 0"), ("948", "1 values"), ("x, 1", "stress_mpa = x")):
         bad = tmp_path / "bad.csv"
         bad.write_text(f"{points.read_text()}\n{row}\n")
-        with pytest.raises(flexfem.BadInput, match=rf"bad\.csv, line 9: {re.escape(said)}") as refused:
+        with pytest.raises(
+            flexfem.BadInput, match=rf"bad\.csv, line 9: {re.escape(said)}"
+        ) as refused:
             cli.app([*command[:-1], str(bad)], standalone_mode=False)
         assert str(refused.value).count("bad.csv") == 1

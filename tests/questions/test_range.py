@@ -13,16 +13,27 @@ from flexfem.refused import ComputationFailed
 
 from ..conftest import ROOT
 
-E, B, T, L, STRENGTH = 70_000.0, 9.0, 0.4, 37.0, 400.0  # MPa, mm
-EI, EA = E * B * T**3 / 12, E * B * T
-SHEAR = 1e-3  # relative to the load of Euler: the shear of a leaf, and its division into eight beams
+E = 70_000.0
+B = 9.0
+T = 0.4
+L = 37.0
+STRENGTH = 400.0  # MPa, mm
+EI = E * B * T**3 / 12
+EA = E * B * T
+SHEAR = (
+    1e-3  # relative to the load of Euler: the shear of a leaf, and its division into eight beams
+)
 CURVE = 2e-3  # relative: eight beams along a curve with boundary layers, and their shear
 ONE_SIDED = 0.03  # relative: shear, and the moment of tension and compression of the two leaves
-ELEMENTS = 0.04  # relative: elastic roots make a leaf longer by about a third of its thickness at each end
+ELEMENTS = (
+    0.04  # relative: elastic roots make a leaf longer by about a third of its thickness at each end
+)
 
 
 def guide(strength=STRENGTH, sides=(1, -1), **others):
-    """A stage between leaves along y on both sides, or on one side: these stretch only if there are two sides."""
+    """A stage between leaves along y on both sides, or on one side: these stretch only if there are
+    two sides.
+    """
     bodies = [{"name": "stage", "outline": [(-15, -8), (15, -8), (15, 8), (-15, 8)]}]
     hinges = []
     for side in sides:
@@ -59,11 +70,11 @@ def guide(strength=STRENGTH, sides=(1, -1), **others):
 
 
 def column(x):
-    """Transverse force, tension and end moment of a leaf between two bodies that move across it by x, mm.
+    """Transverse force, tension and end moment of a leaf between two bodies that move across it by
+    x, mm.
 
-    A beam under tension P has the slope `c (1 - cosh(k s) / cosh(u))` with `k = sqrt(P / EI)` and `u = k L / 2`, and
-    its tension is `EA` times half the mean square of this slope.
-    """
+    A beam under tension P has the slope `c (1 - cosh(k s) / cosh(u))` with `k = sqrt(P / EI)` and
+    `u = k L / 2`, and its tension is `EA` times half the mean square of this slope."""
 
     def slope(u):
         return x / L / (1 - np.tanh(u) / u)
@@ -79,23 +90,30 @@ def column(x):
 
 
 def test_small_stretching_follows_the_closed_form():
-    """The curve `x (3 s^2 - 2 s^3)` is longer by `3 x^2 / 5 L`, and the tension is `EA` times this strain."""
+    """The curve `x (3 s^2 - 2 s^3)` is longer by `3 x^2 / 5 L`, and the tension is `EA` times this
+    strain.
+    """
     x = 0.05
     at = DrivenPlate(guide().layout).reached(0, [], x)
-    assert at.forces[0] == pytest.approx(4 * (12 * EI / L**3 * x + 18 / 25 * EA / L**3 * x**3), rel=SHEAR)
+    assert at.forces[0] == pytest.approx(
+        4 * (12 * EI / L**3 * x + 18 / 25 * EA / L**3 * x**3), rel=SHEAR
+    )
 
 
 def test_leaves_on_both_sides_stretch_and_yield_as_beams_under_tension():
     found = flexfem.stiffness(guide(), models="analytic", plane=True)
     x, force = (
-        float(found.at(name, others="free", sense="positive", direction="x")) for name in ("range", "range_force")
+        float(found.at(name, others="free", sense="positive", direction="x"))
+        for name in ("range", "range_force")
     )
     F, P, M = column(x)
     assert force == pytest.approx(4 * F, rel=CURVE)
     surface = P / (B * T) + 6 * M / (B * T**2)
     assert surface == pytest.approx(STRENGTH, rel=CURVE)
     assert x < 0.5 * STRENGTH * L**2 / (3 * E * T)  # of leaves that do not stretch
-    assert found.at("range", others="held", sense="negative", direction="x") == pytest.approx(-x, rel=1e-6)
+    assert found.at("range", others="held", sense="negative", direction="x") == pytest.approx(
+        -x, rel=1e-6
+    )
     assert any("yield of hinge" in note and "+x (free)" in note for note in found.notes)
 
 
@@ -111,7 +129,10 @@ def test_a_pushed_leaf_ends_at_eulers_load(held, factor):
     single = guide(strength=4000.0, sides=(1,))
     hinges = [single.hinge[0].model_copy(update={"at": (0.0, 8 + L / 2)})]
     alone = single.model_copy(
-        update={"hinge": tuple(hinges), "output": single.output.model_copy(update={"at": (0.0, 8.0)})}
+        update={
+            "hinge": tuple(hinges),
+            "output": single.output.model_copy(update={"at": (0.0, 8.0)}),
+        }
     )
     end = DrivenPlate(alone.layout).end(1, held, 0.4)
     assert end.kind == BUCKLING
@@ -119,7 +140,9 @@ def test_a_pushed_leaf_ends_at_eulers_load(held, factor):
 
 
 def test_a_moment_at_the_end_of_a_leaf_yields_it_on_an_arc():
-    """With the others free a pure moment bends a leaf to a circle: `M = E I theta / L`, `sigma = E T theta / 2 L`."""
+    """With the others free a pure moment bends a leaf to a circle: `M = E I theta / L`, `sigma = E
+    T theta / 2 L`.
+    """
     single = guide(strength=400.0, sides=(1,))
     alone = single.model_copy(update={"hinge": single.hinge[:1]})
     end = DrivenPlate(alone.layout).end(2, (), 1.0)
@@ -136,12 +159,16 @@ def test_finite_elements_are_driven_to_a_displacement_and_stretch_by_the_closed_
     np.testing.assert_allclose(found.load[0], [4 * F, 0.0, 0.0], rtol=ELEMENTS)
 
 
-@pytest.mark.parametrize("kind", ["bridge-amplifier", "double-parallelogram", "four-chains", "pivot"])
+@pytest.mark.parametrize(
+    "kind", ["bridge-amplifier", "double-parallelogram", "four-chains", "pivot"]
+)
 def test_ranges_of_shipped_mechanisms_end_at_a_named_limit_without_warnings_of_numbers(kind):
     """A path that reached one displacement twice divided by zero."""
     found = flexfem.stiffness(flexfem.load(ROOT / f"geometry/{kind}.toml"), models="analytic")
     ends = found.at("range")
-    np.testing.assert_array_equal(np.sign(ends), np.array([1.0, -1.0])[:, None] * np.ones(ends.shape))
+    np.testing.assert_array_equal(
+        np.sign(ends), np.array([1.0, -1.0])[:, None] * np.ones(ends.shape)
+    )
     assert any("yield of hinge" in note for note in found.notes)
 
 
@@ -158,7 +185,10 @@ def test_a_range_without_an_equilibrium_near_its_limit_leaves_the_other_answers(
     assert any("finite elements find no equilibrium" in note for note in found.notes)
     monkeypatch.setattr(stiffness, "ranges", refused)
     found = flexfem.stiffness(mechanism, models="analytic")
-    assert "range" not in found.values and "no range at finite displacements: no equilibrium" in found.warnings
+    assert (
+        "range" not in found.values
+        and "no range at finite displacements: no equilibrium" in found.warnings
+    )
 
 
 def test_without_limits_the_stiffness_is_the_same_and_no_range_is_followed(monkeypatch):
@@ -177,8 +207,12 @@ def test_the_stress_of_a_wide_leaf_follows_its_curvature_and_not_the_force_that_
     """3 E t / L^2 per displacement of a leaf between bodies that stay parallel, whatever the force."""
     plate = guide(sides=(1,)).replace(thickness=40.0)
     wide = flexfem.stiffness(plate, models="analytic", no_limits=True)
-    narrow = flexfem.stiffness(plate.replace(model="plane_stress"), models="analytic", no_limits=True)
+    narrow = flexfem.stiffness(
+        plate.replace(model="plane_stress"), models="analytic", no_limits=True
+    )
     free = {"model": "analytic", "direction": "x"}
-    assert float(wide.at("free", **free)) > 1.07 * float(narrow.at("free", **free))  # it is nearly plane strain
+    assert float(wide.at("free", **free)) > 1.07 * float(
+        narrow.at("free", **free)
+    )  # it is nearly plane strain
     highest = 1e3 * float(np.max(wide.at("stress", **free)))  # MPa/mm
     assert highest == pytest.approx(3 * E * T / L**2, rel=0.015)

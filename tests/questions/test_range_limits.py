@@ -6,21 +6,38 @@ import pytest
 import flexfem
 from flexfem.analytic.paths import CONTACT, STROKE, YIELD, DrivenPlate
 
-E, B, T, L, STRENGTH = 70_000.0, 9.0, 0.4, 37.0, 400.0  # MPa, mm
-TILT = 3e-4  # relative: a stage on two leaves also turns, by 2e-5 of its displacement per mm of its height
+E = 70_000.0
+B = 9.0
+T = 0.4
+L = 37.0
+STRENGTH = 400.0  # MPa, mm
+# relative: a stage on two leaves also turns, by 2e-5 of its displacement per mm of its height
+TILT = 3e-4
 TURNED = 1e-6  # mm, of a corner on a line: a path finds its end to 1e-7
-OF_BODIES = 0.06  # relative: bands of stress, and the lever of the force, which shortens as the arm bends
+OF_BODIES = (
+    0.06  # relative: bands of stress, and the lever of the force, which shortens as the arm bends
+)
 ARC = 2e-3  # relative: a stage on two leaves also moves along them, 0.6 x^2 / L
 
 
 def guide(*others, strength=STRENGTH, actuator=(), at=(0.0, 0.0)):
     """A stage between two leaves along y under a fixed block, with more bodies."""
-    leaf = {"between": ("block", "stage"), "direction": -np.pi / 2, "shape": "leaf", "neck": T, "length": L}
+    leaf = {
+        "between": ("block", "stage"),
+        "direction": -np.pi / 2,
+        "shape": "leaf",
+        "neck": T,
+        "length": L,
+    }
     return flexfem.Mechanism(
         name="guide",
         thickness=B,
         material={
-            "name": "m", "youngs_modulus": E, "poissons_ratio": 0.29, "density": 2700.0, "yield_strength": strength
+            "name": "m",
+            "youngs_modulus": E,
+            "poissons_ratio": 0.29,
+            "density": 2700.0,
+            "yield_strength": strength,
         },
         body=[
             {"name": "stage", "outline": [(-15, -8), (15, -8), (15, 8), (-15, 8)]},
@@ -30,7 +47,7 @@ def guide(*others, strength=STRENGTH, actuator=(), at=(0.0, 0.0)):
         hinge=[{**leaf, "name": f"leaf {x}", "at": (x, 8 + L / 2)} for x in (-11, 11)],
         actuator=actuator,
         output={"body": "stage", "at": at},
-    )  # fmt: skip
+    )
 
 
 def stop(gap, name="stop", thickness=7.0):
@@ -61,13 +78,17 @@ def test_a_stage_that_turns_meets_the_corner_of_a_stop():
     reached = end(guide(stop(0.02)), axis=2, sense=0.05)
     assert reached.kind == CONTACT
     x, y, turn = reached.at.motions[:3]
-    along = (-5 - y - 15 * np.sin(turn)) / np.cos(turn)  # on the right side of the stage, from its middle
+    along = (-5 - y - 15 * np.sin(turn)) / np.cos(
+        turn
+    )  # on the right side of the stage, from its middle
     assert turn > 1e-4
     assert x + 15 * np.cos(turn) - along * np.sin(turn) == pytest.approx(15.02, abs=TURNED)
 
 
 def test_a_leaf_that_bends_meets_a_post_beside_it():
-    """A guided leaf moves by half of the stage's displacement at its middle, where a post is 0.6 mm from it."""
+    """A guided leaf moves by half of the stage's displacement at its middle, where a post is 0.6 mm
+    from it.
+    """
     post = {"name": "post", "outline": [(11.8, 26), (13, 26), (13, 27), (11.8, 27)], "fixed": True}
     reached = end(guide(post))
     assert reached.kind == CONTACT and "'leaf 11'" in reached.parts
@@ -76,7 +97,13 @@ def test_a_leaf_that_bends_meets_a_post_beside_it():
 
 
 def test_the_stroke_of_a_drive_ends_a_range_in_its_sense_alone():
-    drive = {"name": "push", "between": ("wall", "stage"), "at": [(-30, 2), (-15, 2)], "stroke": 0.13, "stiffness": 500}
+    drive = {
+        "name": "push",
+        "between": ("wall", "stage"),
+        "at": [(-30, 2), (-15, 2)],
+        "stroke": 0.13,
+        "stiffness": 500,
+    }
     wall = {"name": "wall", "outline": [(-40, -5), (-30, -5), (-30, 5), (-40, 5)], "fixed": True}
     driven = guide(wall, actuator=[drive])
     reached = end(driven)
@@ -92,7 +119,9 @@ def test_stiffness_names_the_limits_in_its_table_its_values_and_its_notes():
     assert found.at("range_limit", sense="positive", limit="contact", **place) == 1
     assert found.at("range_limit", sense="negative", limit="yield of a hinge", **place) == 1
     np.testing.assert_array_equal(np.sum(found.range_limit, axis=2), 1)
-    assert any("+x (free)" in note and "contact of 'stage' and 'stop'" in note for note in found.notes)
+    assert any(
+        "+x (free)" in note and "contact of 'stage' and 'stop'" in note for note in found.notes
+    )
     cells = [cell for table in found.tables() for row in table.rows for cell in row]
     assert any("contact" in cell for cell in cells)
 
@@ -110,7 +139,8 @@ def test_finite_elements_meet_a_stop_where_it_is_drawn_and_the_others_see_no_sto
 @pytest.mark.slow
 @pytest.mark.parametrize("strength", [8.0, 350.0], ids=["linear", "finite"])
 def test_a_slender_body_yields_before_its_hinge_at_the_bending_stress_of_its_neck(strength):
-    """A force at the end of a body that is 1.2 mm wide 40 mm before it: `sigma = 6 F l / (b h^2)`; the hinge is 3 mm.
+    """A force at the end of a body that is 1.2 mm wide 40 mm before it: `sigma = 6 F l / (b h^2)`;
+    the hinge is 3 mm.
 
     The width grows by 0.1 per mm on both sides of the neck, so that the stress of a beam holds.
     """
@@ -121,18 +151,29 @@ def test_a_slender_body_yields_before_its_hinge_at_the_bending_stress_of_its_nec
         model="plane_stress",
         thickness=B,
         material={
-            "name": "m", "youngs_modulus": E, "poissons_ratio": 0.29, "density": 2700.0, "yield_strength": strength
+            "name": "m",
+            "youngs_modulus": E,
+            "poissons_ratio": 0.29,
+            "density": 2700.0,
+            "yield_strength": strength,
         },
         body=[
             {"name": "block", "outline": [(-20, -9), (-6, -9), (-6, 9), (-20, 9)], "fixed": True},
             {"name": "arm", "outline": body},
         ],
         hinge=[
-            {"name": "root", "between": ("block", "arm"), "at": (-3, 0), "direction": 0.0, "shape": "leaf", "neck": 3.0,
-             "length": 6.0}
+            {
+                "name": "root",
+                "between": ("block", "arm"),
+                "at": (-3, 0),
+                "direction": 0.0,
+                "shape": "leaf",
+                "neck": 3.0,
+                "length": 6.0,
+            }
         ],
         output={"body": "arm", "at": (50.0, 0.0), "contact": 2.0},
-    )  # fmt: skip
+    )
     found = flexfem.stiffness(one, models="elements", resolution=4)
     place = {"direction": "y", "others": "free", "sense": "positive"}
     assert found.at("range_limit", limit="yield of a body", **place) == 1

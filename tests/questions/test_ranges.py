@@ -17,9 +17,11 @@ SAME = DENSE  # of the value: both are vertices
 
 def bounded(rng, k, d, kind):
     """Three programs whose points are within a box."""
-    A, b = rng.normal(size=(3, k, d)), np.abs(rng.normal(size=(3, k)))
+    A = rng.normal(size=(3, k, d))
+    b = np.abs(rng.normal(size=(3, k)))
     if kind == "small integers":
-        A, b = rng.integers(-2, 3, size=A.shape).astype(float), rng.integers(0, 3, size=b.shape).astype(float)
+        A = rng.integers(-2, 3, size=A.shape).astype(float)
+        b = rng.integers(0, 3, size=b.shape).astype(float)
     elif kind == "through one point":
         b[:] = 0.0
     elif kind == "repeated and opposite":
@@ -33,7 +35,12 @@ KINDS = ("generic", "small integers", "through one point", "repeated and opposit
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
-@given(seed=st.integers(0, 10**6), d=st.integers(1, 7), k=st.integers(1, 30), kind=st.sampled_from(KINDS))
+@given(
+    seed=st.integers(0, 10**6),
+    d=st.integers(1, 7),
+    k=st.integers(1, 30),
+    kind=st.sampled_from(KINDS),
+)
 def test_many_programs_answer_as_highs_does_one_by_one(seed, d, k, kind):
     A, b = bounded(np.random.default_rng(seed), k, d, kind)
     z = farthest(A, b).points
@@ -44,14 +51,19 @@ def test_many_programs_answer_as_highs_does_one_by_one(seed, d, k, kind):
 
 
 def test_a_program_by_hand():
-    """x + 2 y <= 4, y >= -1/2, x <= 6, x - y <= 5 and -x <= 1: x is 14/3 at y = -1/3, by both slopes."""
+    """x + 2 y <= 4, y >= -1/2, x <= 6, x - y <= 5 and -x <= 1: x is 14/3 at y = -1/3, by both
+    slopes.
+    """
     A = np.array([[[1.0, 2.0], [0.0, -1.0], [1.0, 0.0], [1.0, -1.0], [-1.0, 0.0], [0.0, 1.0]]])
-    np.testing.assert_allclose(farthest(A, np.array([[4.0, 0.5, 6.0, 5.0, 1.0, 9.0]])).points, [[14 / 3, -1 / 3]])
+    np.testing.assert_allclose(
+        farthest(A, np.array([[4.0, 0.5, 6.0, 5.0, 1.0, 9.0]])).points, [[14 / 3, -1 / 3]]
+    )
 
 
 def test_units_of_columns_and_rows_change_nothing():
     rng = np.random.default_rng(4)
     A, b = bounded(rng, 30, 4, "generic")
-    unit, size = 10 ** rng.uniform(-6, 6, (3, 4)), 10 ** rng.uniform(-6, 6, b.shape)
+    unit = 10 ** rng.uniform(-6, 6, (3, 4))
+    size = 10 ** rng.uniform(-6, 6, b.shape)
     found = farthest(A * size[..., None] / unit[:, None, :], b * size).points
     np.testing.assert_allclose(found / unit, farthest(A, b).points, rtol=1e-7, atol=1e-9)

@@ -1,4 +1,6 @@
-"""The poses that a drive reaches: hand polygons, zonotopes, symmetry, and every point against the strokes it takes."""
+"""The poses that a drive reaches: hand polygons, zonotopes, symmetry, and every point against the
+strokes it takes.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,13 @@ from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.plot.drive import reach_figure
 from flexfem.questions.drive import Commanding, commanding, driven_elements
-from flexfem.questions.driven import CommandLimits, Driven, drive_ranges, stress_along, stroke_limits
+from flexfem.questions.driven import (
+    CommandLimits,
+    Driven,
+    drive_ranges,
+    stress_along,
+    stroke_limits,
+)
 from flexfem.questions.reach import PoseSet, Reach, pose_set
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS
@@ -39,7 +47,10 @@ def with_actuators(stage: Stage, *changes: dict[str, object], **all_of: object) 
     """The stage with its first actuators changed one by one, or all of them alike."""
     each = changes or ({},) * len(stage.actuator)
     return stage.replace(
-        actuator=[a.model_copy(update=change | all_of) for a, change in zip(stage.actuator, each, strict=False)]
+        actuator=[
+            a.model_copy(update=change | all_of)
+            for a, change in zip(stage.actuator, each, strict=False)
+        ]
     )
 
 
@@ -56,7 +67,9 @@ def light(stage) -> Stage:
 
 @pytest.fixture(scope="module")
 def own(unlike_drive) -> Stage:
-    """Unlike chains; single stacks, tilted; light pairs on the other side of the link; a weak single on the rim."""
+    """Unlike chains; single stacks, tilted; light pairs on the other side of the link; a weak
+    single on the rim.
+    """
     weak = ({"preload": 0.0, "ball_radius": None}, {"preload": 12.0}, {"blocking_force": 41.0})
     return with_actuators(unlike_drive, *weak)
 
@@ -65,7 +78,9 @@ def modelled(stage: Stage) -> Commanding:
     return commanding(ModelChoice(stage, None, CALIBRATED, True))
 
 
-def reach(stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **others: object) -> Reach:
+def reach(
+    stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **others: object
+) -> Reach:
     return flexfem.reach(stage, load=load, models=models, **others)
 
 
@@ -89,45 +104,68 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     """Commands are the pose; x + y <= 1.5 cuts an edge off the cube, x <= 3 never binds."""
     rows = np.concatenate([np.eye(3), -np.eye(3), [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]])
     drive = drive_of(stage)._replace(lowest=-np.ones(3), highest=np.ones(3), differential=np.eye(3))
-    of = Driven(np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), drive)
+    of = Driven(
+        np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), drive
+    )
     necks = np.zeros((3, 1, 9, 1)), np.zeros((3, 1, 9, 3)), np.zeros((3, 1, 9)), np.ones(1)
-    poses = PoseSet(of, CommandLimits(rows[None], np.append(np.ones(6), [1.5, 3.0])[None], *necks), NONE)
+    poses = PoseSet(
+        of, CommandLimits(rows[None], np.append(np.ones(6), [1.5, 3.0])[None], *necks), NONE
+    )
     poses.names = [*(f"stroke of {k}" for k in range(6)), "contact of 0", "contact of 1"]
     found = poses.solid(2.0)
     corners = {(-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)}
-    assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == {(*c, z) for c in corners for z in (-1, 1)}
+    assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == {
+        (*c, z) for c in corners for z in (-1, 1)
+    }
     assert found.volume == pytest.approx(2 * (4 - 0.125))
     assert sorted(found.by) == [("contact of 0",), *((f"stroke of {k}",) for k in range(6))]
     section = found.section
     starts = np.round([edge.start for edge in section], 9).tolist()
     assert starts == [[-1, 1], [-1, -1], [1, -1], [1, 0.5], [0.5, 1]]
-    np.testing.assert_allclose([edge.end for edge in section], np.roll(starts, -1, axis=0), atol=DENSE)
-    assert [edge.by[0] for edge in section] == [f"{kind} of {k}" for kind, k in
-        (("stroke", 3), ("stroke", 4), ("stroke", 0), ("contact", 0), ("stroke", 1))]  # fmt: skip
+    np.testing.assert_allclose(
+        [edge.end for edge in section], np.roll(starts, -1, axis=0), atol=DENSE
+    )
+    assert [edge.by[0] for edge in section] == [
+        f"{kind} of {k}"
+        for kind, k in (("stroke", 3), ("stroke", 4), ("stroke", 0), ("contact", 0), ("stroke", 1))
+    ]
     (x,), (by,) = poses.farthest(np.ones((1, 3)), (0,))
     assert x == pytest.approx([0.0, 1.0, 1.0]) and set(by) == {"stroke of 1", "stroke of 2"}
 
 
 def test_strokes_alone_reach_a_zonotope(stage):
-    """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all |det|."""
+    """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all
+    |det|.
+    """
     one = modelled(stage)
     found = poses_of(stage).solid(LEVER)
     G = one.system.poses * 8.7e-3
-    assert (found.dimension, len(found.vertices), len(found.faces)) == (3, 32, 30)  # 2 + 6 * 5, 6 * 5
+    assert (found.dimension, len(found.vertices), len(found.faces)) == (
+        3,
+        32,
+        30,
+    )  # 2 + 6 * 5, 6 * 5
     determinants = [abs(np.linalg.det(G[:, list(three)])) for three in combinations(range(6), 3)]
     assert found.volume == pytest.approx(8 * sum(determinants), rel=DENSE)
     for n in np.random.default_rng(4).normal(size=(40, 3)) / SCALE[::-1]:
         assert np.max(found.vertices @ n) == pytest.approx(np.sum(np.abs(n @ G)), rel=DENSE)
-    np.testing.assert_allclose(found.supports, np.sum(np.abs((found.normals * SCALE) @ G), axis=1), rtol=DENSE)
+    np.testing.assert_allclose(
+        found.supports, np.sum(np.abs((found.normals * SCALE) @ G), axis=1), rtol=DENSE
+    )
     moved_to = [one.system.moved(x, NONE).pose for x in found.commands]
     np.testing.assert_allclose(moved_to, found.vertices, rtol=DENSE, atol=1e-15)
 
 
 def test_ranges_of_the_reference_stages(stage, reached):
     """With the others at zero X reaches less than Y."""
-    found, both = reached, np.array([[-1.0, 1.0]])
-    np.testing.assert_allclose(ends(found, "zero"), both * [[23.989], [25.852], [1.0780]], rtol=1e-4)
-    np.testing.assert_allclose(ends(found, "free"), both * [[28.675], [27.248], [1.0780]], rtol=1e-4)
+    found = reached
+    both = np.array([[-1.0, 1.0]])
+    np.testing.assert_allclose(
+        ends(found, "zero"), both * [[23.989], [25.852], [1.0780]], rtol=1e-4
+    )
+    np.testing.assert_allclose(
+        ends(found, "free"), both * [[28.675], [27.248], [1.0780]], rtol=1e-4
+    )
     assert np.array([found.circle, found.ball]) == pytest.approx([23.807, 18.980], rel=1e-4)
     assert found.volume == pytest.approx(2.01660e3, rel=1e-4)
     assert list(poses_of(stage).ranges()[1]["zero", "x", "high"]) == [
@@ -137,31 +175,51 @@ def test_ranges_of_the_reference_stages(stage, reached):
         "stroke of elbow, chain 3, shortest",
     ]
     three = reach(load_stage(GEOMETRY / "mobility3.toml").replace(model="plane_stress"))
-    np.testing.assert_allclose(ends(three, "zero")[:2], [[-24.780, 24.780], [-26.232, 26.232]], rtol=1e-4)
+    np.testing.assert_allclose(
+        ends(three, "zero")[:2], [[-24.780, 24.780], [-26.232, 26.232]], rtol=1e-4
+    )
 
 
 def test_strokes_alone_limit_a_mechanism():
-    """Four actuators, each way against HiGHS; in closed form with the others free, and nothing held by two."""
-    rng, strokes = np.random.default_rng(3), np.array([0.02, 0.05, 0.01, 0.03])
+    """Four actuators, each way against HiGHS; in closed form with the others free, and nothing held
+    by two.
+    """
+    rng = np.random.default_rng(3)
+    strokes = np.array([0.02, 0.05, 0.01, 0.03])
     root = rng.normal(size=(7, 7)) * [1, 1, 1 / LEVER, 1, 1, 1, 1]
     for count in (4, 2):
-        one, rest = np.ones(count), np.zeros(count)
-        drive = ActuatorSet((), ("a", "b", "c", "d")[:count], one, rest, one, np.eye(count), rest, strokes[:count])
+        one = np.ones(count)
+        rest = np.zeros(count)
+        drive = ActuatorSet(
+            (), ("a", "b", "c", "d")[:count], one, rest, one, np.eye(count), rest, strokes[:count]
+        )
         system = Driven.of((root.T @ root)[: 3 + count, : 3 + count], drive)
-        motion, (held, free) = system.poses * strokes[:count], PoseSet(system, stroke_limits(system), NONE).ranges()[0]
-        np.testing.assert_allclose(free, [np.minimum(motion, 0).sum(axis=1), np.maximum(motion, 0).sum(axis=1)])
+        motion = system.poses * strokes[:count]
+        held, free = PoseSet(system, stroke_limits(system), NONE).ranges()[0]
+        np.testing.assert_allclose(
+            free, [np.minimum(motion, 0).sum(axis=1), np.maximum(motion, 0).sum(axis=1)]
+        )
         for axis, (row, sign) in product(range(3), enumerate((1, -1))):
-            others = {"A_eq": np.delete(motion, axis, axis=0), "b_eq": np.zeros(2), "bounds": (0, 1)}
+            others = {
+                "A_eq": np.delete(motion, axis, axis=0),
+                "b_eq": np.zeros(2),
+                "bounds": (0, 1),
+            }
             wanted = sign * linprog(sign * motion[axis], **others).fun if count > 2 else np.nan
             assert held[row, axis] == pytest.approx(wanted, rel=DENSE, abs=1e-12, nan_ok=True)
 
 
 def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
-    """Faces against the strokes within limits, another linear program: share 1 on every face, more 0.1 % beyond."""
+    """Faces against the strokes within limits, another linear program: share 1 on every face, more
+    0.1 % beyond.
+    """
     one = modelled(light)
     found = reach(light, LOAD)
-    V, middle, solid = found.vertices, np.mean(found.vertices, axis=0), found.fields
-    normals, supports = solid.normals * SCALE, solid.supports
+    V = found.vertices
+    middle = np.mean(found.vertices, axis=0)
+    solid = found.fields
+    normals = solid.normals * SCALE
+    supports = solid.supports
     assert {by.kinds for by in solid.by} == {("stroke",), ("stroke", "contact")}
     assert np.all(normals @ V.T <= supports[:, None] + DENSE * np.max(np.abs(supports)))
 
@@ -196,8 +254,11 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
 def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     load = np.array([1.0, -0.7, 5.0])
     found = reach(own, load, "both", resolution=4, analytic=OWN)
-    np.testing.assert_allclose(ends(found, "zero"), [[-5.642, 5.791], [-5.944, 6.825], [-0.07518, 0.7150]], rtol=2e-4)
-    model, elements = found.at("ends", model=ANALYTIC), found.at("ends", model=ELEMENTS)
+    np.testing.assert_allclose(
+        ends(found, "zero"), [[-5.642, 5.791], [-5.944, 6.825], [-0.07518, 0.7150]], rtol=2e-4
+    )
+    model = found.at("ends", model=ANALYTIC)
+    elements = found.at("ends", model=ELEMENTS)
     np.testing.assert_allclose(elements[0, 1], model[0, 1], rtol=1.2e-2)
     np.testing.assert_allclose(elements[1, 0], model[1, 0], rtol=1.2e-2)
     assert np.all(elements[0, 1] != model[0, 1])
@@ -207,16 +268,24 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
         assert max(np.max(used) for used in one.system.shares(x, load).values()) < 1 + DENSE
         force = one.system.drive.preload + one.system.moved(x, load).force
         assert np.max(one.stress(load, force)) < 0.99 * own.material.yield_strength * (1 + DENSE)
-    np.testing.assert_allclose([one.system.moved(x, load).pose for x in X], found.vertices, atol=1e-12)
-    assert np.min(X[:, 0]) == pytest.approx(0.0, abs=DENSE * 17.4e-3) and np.max(X[:, 0]) <= 17.4e-3 * (1 + DENSE)
+    np.testing.assert_allclose(
+        [one.system.moved(x, load).pose for x in X], found.vertices, atol=1e-12
+    )
+    assert np.min(X[:, 0]) == pytest.approx(0.0, abs=DENSE * 17.4e-3) and np.max(
+        X[:, 0]
+    ) <= 17.4e-3 * (1 + DENSE)
     rest = one.system.engaged @ load
     np.testing.assert_allclose(found.rest, rest)
     edges = found.fields.section
     section = np.array([edge.start for edge in edges])
-    np.testing.assert_allclose(section, np.roll([edge.end for edge in edges], 1, axis=0), atol=1e-10)
+    np.testing.assert_allclose(
+        section, np.roll([edge.end for edge in edges], 1, axis=0), atol=1e-10
+    )
     along = np.linspace(0.0, 1.0, 1001)[:, None, None]
     boundary = section + along * (np.roll(section, -1, axis=0) - section)
-    assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(float(found.circle) / 1e3, rel=1e-4)
+    assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(
+        float(found.circle) / 1e3, rel=1e-4
+    )
     left = found.fields.supports - found.fields.normals @ (SCALE * rest)
     assert np.min(left) == pytest.approx(float(found.ball) / 1e3) and found.ball > 1.0
 
@@ -224,20 +293,31 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
 def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage, reached):
     alone = with_actuators(stage, {"pair": False, "preload": 4.0})
     (said,) = reach(alone, NONE).warnings
-    assert "no opposite stack that balances their preload, which stresses the necks with up to 40.19 MPa" in said
+    assert (
+        "no opposite stack that balances their preload, which stresses the necks with up to "
+        "40.19 MPa" in said
+    )
     assert reached.warnings == []
     limits = poses_of(stage).limits
     np.testing.assert_allclose(limits.at_rest, 0.0, atol=1e-9)
-    assert limits.strength == pytest.approx(497.97, rel=1e-9)  # 99 % of 503 MPa: the model's stress may be 1 % low
+    assert limits.strength == pytest.approx(
+        497.97, rel=1e-9
+    )  # 99 % of 503 MPa: the model's stress may be 1 % low
     stressed = poses_of(alone).limits
-    assert np.max(stress_along(stressed.sections, stressed.at_rest)) == pytest.approx(40.19, rel=1e-3)
+    assert np.max(stress_along(stressed.sections, stressed.at_rest)) == pytest.approx(
+        40.19, rel=1e-3
+    )
 
 
 def test_limits_that_allow_nothing_are_named(stage):
-    with pytest.raises(ComputationFailed, match="limits of contact and those of blocking force and those of yield"):
+    with pytest.raises(
+        ComputationFailed, match="limits of contact and those of blocking force and those of yield"
+    ):
         reach(stage, np.array([4000.0, 0.0, 0.0]))
     alone = with_actuators(stage, {"pair": False, "preload": 60.0})
-    with pytest.raises(ComputationFailed, match=r"limits of yield allow no commands.* necks with up to 602\.9 MPa"):
+    with pytest.raises(
+        ComputationFailed, match=r"limits of yield allow no commands.* necks with up to 602\.9 MPa"
+    ):
         reach(alone, NONE)
     with pytest.raises(BadInput, match=r"no \[\[actuator\]\]"):
         reach(stage.replace(actuator=[]), NONE)
@@ -252,7 +332,9 @@ def test_pairs_without_preload_do_not_move_and_say_so(stage):
 
 def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
     """Single stacks turn the platform one way; a moment the other way takes it off zero."""
-    found = reach(with_actuators(stage, {"pair": False, "preload": 4.0}), np.array([0.0, 0.0, 30.0]))
+    found = reach(
+        with_actuators(stage, {"pair": False, "preload": 4.0}), np.array([0.0, 0.0, 30.0])
+    )
     assert np.isnan(ends(found, "zero")[0]).all() and ends(found, "free")[0, 1] > 20.0
     assert found.fields.section == [] and found.circle == 0.0
 
@@ -266,14 +348,19 @@ def test_a_set_of_too_many_vertices_says_how_far_it_misses_poses(stage, monkeypa
     beyond = np.max(whole.vertices * SCALE @ part.normals.T, axis=0) - part.supports
     assert whole.missed == 0 and 20 >= len(part.vertices) < len(whole.vertices)
     assert (
-        part.missed * np.max(np.abs(part.vertices * SCALE)) == pytest.approx(np.max(beyond), rel=1e-6)
+        part.missed * np.max(np.abs(part.vertices * SCALE))
+        == pytest.approx(np.max(beyond), rel=1e-6)
         and part.missed > 0.01
     )
 
 
 def test_round_off_is_no_radius_about_rest(stage):
-    """A single stack a chain at rest stands at the shortest end of its stroke: nothing is left about it."""
-    single = stage.actuator[0].model_copy(update={"pair": False, "ball_radius": None, "preload": 3.0})
+    """A single stack a chain at rest stands at the shortest end of its stroke: nothing is left
+    about it.
+    """
+    single = stage.actuator[0].model_copy(
+        update={"pair": False, "ball_radius": None, "preload": 3.0}
+    )
     for load in (NONE, LOAD, np.array([1.0, 0.0, 5.0])):
         found = reach(stage.replace(actuator=[single]), load)
         assert found.fields.dimension == 3 and found.ball == 0.0
@@ -281,10 +368,12 @@ def test_round_off_is_no_radius_about_rest(stage):
 
 def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
     """Where contacts bind, forces by the model would let the metal go elsewhere."""
-    found, elements = reach(light, LOAD, "both", resolution=2, analytic=SIX), driven_elements(light, 2).system
+    found = reach(light, LOAD, "both", resolution=2, analytic=SIX)
+    elements = driven_elements(light, 2).system
     first = commanding(ModelChoice(light, 6, DEFAULT_FORMULA, False))
     own, other = (
-        PoseSet(elements, pose_set(first, of, LOAD).limits, LOAD).ranges()[0] for of in (elements, first.system)
+        PoseSet(elements, pose_set(first, of, LOAD).limits, LOAD).ranges()[0]
+        for of in (elements, first.system)
     )
     np.testing.assert_allclose(found.at("ends", model=ELEMENTS), own, rtol=SOLVED)
     assert np.max(np.abs(own[1, 1] / other[1, 1] - 1)) > 1e-4
@@ -294,10 +383,17 @@ def test_the_figure_draws_the_section_and_the_faces_by_their_limits(light):
     found = reach(light, LOAD)
     figure = reach_figure(found)
     section, solid = figure.axes[:2]
-    drawn = {each.get_label(): each for each in section.collections if isinstance(each, LineCollection)}
+    drawn = {
+        each.get_label(): each for each in section.collections if isinstance(each, LineCollection)
+    }
     assert set(drawn) == {"stroke", "stroke and contact"}
     for label, each in drawn.items():
-        wanted = [[e.start, e.end] for e in found.fields.section if " and ".join(e.by.kinds) == label]
+        wanted = [
+            [e.start, e.end] for e in found.fields.section if " and ".join(e.by.kinds) == label
+        ]
         np.testing.assert_allclose(each.get_segments(), 1e3 * np.array(wanted))
-    of, ends = found.fields, [solid.get_xlim(), solid.get_ylim(), solid.get_zlim()]
-    np.testing.assert_allclose(ends, 1e3 * np.transpose([of.vertices.min(axis=0), of.vertices.max(axis=0)]))
+    of = found.fields
+    ends = [solid.get_xlim(), solid.get_ylim(), solid.get_zlim()]
+    np.testing.assert_allclose(
+        ends, 1e3 * np.transpose([of.vertices.min(axis=0), of.vertices.max(axis=0)])
+    )

@@ -1,4 +1,6 @@
-"""Stiffness and frequencies under axial loads, preloads and residual stress, against exact solutions of beams."""
+"""Stiffness and frequencies under axial loads, preloads and residual stress, against exact
+solutions of beams.
+"""
 
 import numpy as np
 import pytest
@@ -6,9 +8,14 @@ from scipy.optimize import brentq
 
 import flexfem
 
-E, NU, DENSITY, B = 155_000.0, 0.23, 2330.0, 2.0  # MPa, kg/m^3, mm
-T, L = 0.2, 20.0  # mm, of a leaf or a strip
-BENDING, AXIAL = E * B * T**3 / 12, E * B * T  # N mm^2, N
+E = 155_000.0
+NU = 0.23
+DENSITY = 2330.0
+B = 2.0  # MPa, kg/m^3, mm
+T = 0.2
+L = 20.0  # mm, of a leaf or a strip
+BENDING = E * B * T**3 / 12
+AXIAL = E * B * T  # N mm^2, N
 PLANE = 2e-3  # relative: shear of a slender leaf, eight beams, and the mesh
 ROOTS = 1.5e-2  # relative: leaves clamped in elastic bodies
 STRIP = 3e-3  # of a frequency: clamped ends that do not contract, and shear
@@ -18,7 +25,13 @@ BOTH = ["analytic", pytest.param("elements", marks=pytest.mark.slow)]
 
 
 def material(residual=None):
-    stated = {"name": "m", "youngs_modulus": E, "poissons_ratio": NU, "density": DENSITY, "yield_strength": 1200.0}
+    stated = {
+        "name": "m",
+        "youngs_modulus": E,
+        "poissons_ratio": NU,
+        "density": DENSITY,
+        "yield_strength": 1200.0,
+    }
     return stated | ({} if residual is None else {"residual_stress": residual})
 
 
@@ -29,19 +42,24 @@ def strip(residual=None):
         thickness=B,
         model="plane_stress",
         material=material(residual),
-        body=[{"name": "strip", "outline": [(0, 0), (L, 0), (L, T), (0, T)], "clamped_edges": [2, 4]}],
+        body=[
+            {"name": "strip", "outline": [(0, 0), (L, 0), (L, T), (0, T)], "clamped_edges": [2, 4]}
+        ],
         output={"body": "strip", "at": (L / 2, T / 2)},
     )
 
 
 def clamped_frequency(tension):
-    """First frequency, Hz, of a beam clamped at both ends under a tension, N: root of the exact equation."""
+    """First frequency, Hz, of a beam clamped at both ends under a tension, N: root of the exact
+    equation.
+    """
     mass = DENSITY * 1e-12 * B * T  # tonne/mm
 
     def determinant(w):
         half = tension / (2 * BENDING)
         root = np.sqrt(half**2 + mass * w**2 / BENDING)
-        a, b = np.sqrt(root + half), np.sqrt(root - half)
+        a = np.sqrt(root + half)
+        b = np.sqrt(root - half)
         first = 2 * a * b * (1 / np.cosh(a * L) - np.cos(b * L))
         return first + (a**2 - b**2) * np.tanh(a * L) * np.sin(b * L)
 
@@ -64,7 +82,9 @@ def test_a_clamped_strip_with_residual_stress_vibrates_as_a_beam_under_tension(r
 
 
 def test_tension_of_sixty_megapascals_raises_the_frequency_of_the_strip():
-    """By hand, of a beam without tension: 4.73004^2 / (2 pi) * sqrt(E / (12 rho)) * T / L^2 = 4191.6 Hz."""
+    """By hand, of a beam without tension: 4.73004^2 / (2 pi) * sqrt(E / (12 rho)) * T / L^2 =
+    4191.6 Hz.
+    """
     assert clamped_frequency(0.0) == pytest.approx(4191.6, rel=1e-4)
     assert clamped_frequency(60.0 * (1 - NU) * B * T) > 1.3 * 4191.6
 
@@ -166,7 +186,12 @@ def guide(residual=None):
         body=[
             {"name": "plate", "outline": [(-10, -3), (10, -3), (10, 3), (-10, 3)]},
             {"name": "upper", "path": [(-12, half + 2), (12, half + 2)], "width": 4, "fixed": True},
-            {"name": "lower", "path": [(-12, -half - 2), (12, -half - 2)], "width": 4, "fixed": True},
+            {
+                "name": "lower",
+                "path": [(-12, -half - 2), (12, -half - 2)],
+                "width": 4,
+                "fixed": True,
+            },
         ],
         hinge=leaves,
         output={"body": "plate", "at": (0, 0)},
@@ -183,7 +208,10 @@ def test_frequencies_of_both_models_follow_the_residual_stress_of_guided_leaves(
     options = {"count": 1, "resolution": 4}
     loose, tight = (flexfem.modes(guide(stress), **options) for stress in (None, residual))
     raised = [
-        float(tight.at("frequency", mode="1", model=model) / loose.at("frequency", mode="1", model=model))
+        float(
+            tight.at("frequency", mode="1", model=model)
+            / loose.at("frequency", mode="1", model=model)
+        )
         for model in ("analytic", "finite elements")
     ]
     np.testing.assert_allclose(raised, np.sqrt(ratio), rtol=ROOTS)
@@ -197,7 +225,9 @@ def test_frequencies_in_three_dimensions_follow_the_residual_stress_in_and_out_o
     square = strip(60.0).replace(thickness=T, model="three_dimensional")
     found = flexfem.modes(square, count=1, models="elements", resolution=4)
     expected = clamped_frequency(60.0 * (1 - NU) * B * T)  # independent of the thickness
-    np.testing.assert_allclose(found.at("frequency", model="three dimensions"), expected, rtol=2 * STRIP)
+    np.testing.assert_allclose(
+        found.at("frequency", model="three dimensions"), expected, rtol=2 * STRIP
+    )
     assert float(found.first_out_of_plane) == pytest.approx(expected, rel=2 * STRIP)
 
 
@@ -205,7 +235,9 @@ def test_frequencies_under_a_static_load_fall_to_zero_towards_buckling():
     critical = np.pi**2 * BENDING / (4 * L**2)
     options = {"count": 1, "models": "analytic"}
     at_rest = float(flexfem.modes(leaf(), **options).frequency[0, 0])
-    near = float(flexfem.modes(leaf(), **options, force=(-0.99 * critical, 0.0, 0.0)).frequency[0, 0])
+    near = float(
+        flexfem.modes(leaf(), **options, force=(-0.99 * critical, 0.0, 0.0)).frequency[0, 0]
+    )
     assert near < 0.15 * at_rest
     with pytest.raises(flexfem.ComputationFailed, match="buckles"):
         flexfem.modes(leaf(), **options, force=(-1.05 * critical, 0.0, 0.0))
@@ -214,7 +246,10 @@ def test_frequencies_under_a_static_load_fall_to_zero_towards_buckling():
 def test_other_questions_say_that_they_do_not_contain_the_residual_stress():
     found = flexfem.reach(leaf(pull(25.0)), models="analytic")
     assert any("without the residual stress and the preloads" in text for text in found.warnings)
-    assert not any("residual stress" in text for text in flexfem.reach(leaf(pull(0.0)), models="analytic").warnings)
+    assert not any(
+        "residual stress" in text
+        for text in flexfem.reach(leaf(pull(0.0)), models="analytic").warnings
+    )
 
 
 def test_preloads_that_are_not_possible_are_refused():

@@ -16,21 +16,36 @@ from ..tolerances import SOLVED
 from ..validation.vibration import third
 
 
-def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fields_with_them(tmp_path):
+def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fields_with_them(
+    tmp_path,
+):
     """Of two layers, 2.2 and 1 mm high."""
-    mesh, heights = third(3, 6, 0.7).mesh, np.array([0.0, 1.1, 2.2, 2.7, 3.2])
+    mesh = third(3, 6, 0.7).mesh
+    heights = np.array([0.0, 1.1, 2.2, 2.7, 3.2])
     field = np.array([[[2 * x - y, 3 * z, x + 0.1 * z] for z in heights] for x, y in mesh.nodes])
     write_vtu(mesh, tmp_path / "part.vtu", {"field": field}, heights)
     grid = meshio.read(tmp_path / "part.vtu")
     x, y, z = grid.points.T
-    np.testing.assert_allclose(grid.point_data["field"], np.column_stack([2 * x - y, 3 * z, x + 0.1 * z]), atol=1e-12)
+    np.testing.assert_allclose(
+        grid.point_data["field"], np.column_stack([2 * x - y, 3 * z, x + 0.1 * z]), atol=1e-12
+    )
     far = np.hypot(x, y)
     np.testing.assert_array_equal(grid.point_data["hub"], far < far.min() + 1e-9)
     np.testing.assert_array_equal(grid.point_data["ground"], far > far.max() - 1e-9)
     at = grid.points[grid.cells_dict["wedge18"]]
     assert len(at) == 2 * len(mesh.triangles)
     assert np.unique(np.round(at[:, [0, 3], 2], 9), axis=0).tolist() == [[0.0, 2.2], [2.2, 3.2]]
-    pairs = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]  # VTK's quadratic wedge
+    pairs = [
+        (0, 1),
+        (1, 2),
+        (2, 0),
+        (3, 4),
+        (4, 5),
+        (5, 3),
+        (0, 3),
+        (1, 4),
+        (2, 5),
+    ]  # VTK's quadratic wedge
     for middle, (a, b) in enumerate(pairs, start=6):
         between = np.linalg.norm(at[:, middle] - (at[:, a] + at[:, b]) / 2, axis=1)
         assert np.all(between < 0.15 * np.linalg.norm(at[:, a] - at[:, b], axis=1))
@@ -46,7 +61,11 @@ def test_the_band_of_the_layers_covers_what_they_leave_out(graded, make_stage, m
     stage = make_stage()
     many = bands.solve_solid(stage, 2, 6).compliance
     if not graded:
-        monkeypatch.setattr(bands, "layers_of", lambda of, n: layered(np.linspace(0, of.thickness / 2, n + 1), (0,), 2))
+        monkeypatch.setattr(
+            bands,
+            "layers_of",
+            lambda of, n: layered(np.linspace(0, of.thickness / 2, n + 1), (0,), 2),
+        )
         stage = make_stage()
     left = np.abs(np.diag(many - bands.solve_solid(stage, 2, 3).compliance))
     band = np.diag(bands.solid_bands(bands.solid_levels(stage, 4, 3), 4)[1])
@@ -56,7 +75,8 @@ def test_the_band_of_the_layers_covers_what_they_leave_out(graded, make_stage, m
 
 
 def test_a_stage_that_holds_its_faces_has_them_free_here(make_stage):
-    held, free = make_stage({"model": "plane_strain"}), make_stage()
+    held = make_stage({"model": "plane_strain"})
+    free = make_stage()
     clamped, loose = (bands.solve_solid(each, 2, 1).compliance for each in (held, free))
     np.testing.assert_allclose(clamped, loose, rtol=SOLVED, atol=1e-12)
     assert warnings.held_faces(free) == []
@@ -73,5 +93,7 @@ def test_plane_problems_that_bound_it_are_on_the_same_mesh(make_stage):
 
 def test_too_many_unknowns_are_refused_before_anything_is_factorised(make_stage, monkeypatch):
     monkeypatch.setattr("flexfem.fem.structure.MOST_UNKNOWNS", 10_000)
-    with pytest.raises(flexfem.ComputationFailed, match="unknowns in three dimensions, expected at most 1e"):
+    with pytest.raises(
+        flexfem.ComputationFailed, match="unknowns in three dimensions, expected at most 1e"
+    ):
         bands.solve_solid(make_stage(), 2, 1)

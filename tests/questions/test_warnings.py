@@ -1,4 +1,6 @@
-"""Warnings: said exactly where they are true, with the numbers they are about, in the JSON and once for people."""
+"""Warnings: said exactly where they are true, with the numbers they are about, in the JSON and once
+for people.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,11 @@ def test_the_reference_stages_earn_no_warning(name):
 def test_a_formula_out_of_its_range_is_said_with_the_hinges(stage):
     # t/R = 0.125 at the base, 0.333 at the others
     (said,) = warning.of_formula(stage, "schotborgh")
-    assert "schotborgh" in said and "0.02 to 0.3" in said and "0.333 (elbow hinges, platform hinges)" in said
+    assert (
+        "schotborgh" in said
+        and "0.02 to 0.3" in said
+        and "0.333 (elbow hinges, platform hinges)" in said
+    )
     assert warning.of_formula(stage, "koster") == []
     worn = stage.replace(override={(2, "base"): {"neck": 2.0, "radius": 3.4}})
     assert warning.of_formula(worn, "wu-zhou") == []
@@ -66,7 +72,9 @@ def test_nearly_straight_chains_are_said_with_what_finite_elements_find(project)
     softer = float(re.search(r"([\d.]+) % softer in (x|y|theta)", said)[1])
     axis = ("x", "y", "theta").index(re.search(r"softer in (\w+)", said)[1])
     assert softer > 50
-    assert softer == pytest.approx(100 * (elements[axis, axis] / model.compliance[axis, axis] - 1), rel=0.02)
+    assert softer == pytest.approx(
+        100 * (elements[axis, axis] / model.compliance[axis, axis] - 1), rel=0.02
+    )
     assert "nearly in line (elbow 2 deg)" in said and "axial freedoms" in said
     assert warning.of_model(stage, analyse(stage, 21, "calibrated", links=True)) == []
 
@@ -88,12 +96,17 @@ def test_a_load_beyond_yield_is_said():
 
 
 def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(project):
-    """Elastic links; t/R is 0.333 at every hinge of the one stage, 0.1 to 0.42 of the other, by elements of 0.5 %."""
+    """Elastic links; t/R is 0.333 at every hinge of the one stage, 0.1 to 0.42 of the other, by
+    elements of 0.5 %.
+    """
     other = project.edit(
         "geometry/mobility6.toml",
         ("neck_mm = 0.5\nprismatic", "neck_mm = 0.4\nprismatic"),
         ("[180.0, -90.0, 90.0]", "[171.0, -77.0, 84.0]"),
-        ("radius_mm = 1.5\nneck_mm = 0.5\n\n[platform]", "radius_mm = 1.9\nneck_mm = 0.8\n\n[platform]"),
+        (
+            "radius_mm = 1.5\nneck_mm = 0.5\n\n[platform]",
+            "radius_mm = 1.9\nneck_mm = 0.8\n\n[platform]",
+        ),
     )
     for path in (ROOT / "geometry/mobility3.toml", other):
         stage = load_stage(path)
@@ -101,10 +114,15 @@ def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(proje
         for formula in ("paros-weisbord", "smith-chetwynd", "koster", "schotborgh", "calibrated"):
             low, high = warning.STRESS_ABOVE[formula]
             if warning.of_formula(stage, formula) == []:
-                above = 100 * (analyse(stage, formula=formula, links=True).stress.max(axis=(0, 1)) / elements - 1)
+                above = 100 * (
+                    analyse(stage, formula=formula, links=True).stress.max(axis=(0, 1)) / elements
+                    - 1
+                )
                 assert np.all((above > low) & (above < high)), (path.stem, formula, above)
                 if formula in ("paros-weisbord", "calibrated") and path != other:
-                    np.testing.assert_allclose(above, {"calibrated": 0.5}.get(formula, 13.9), atol=0.4)
+                    np.testing.assert_allclose(
+                        above, {"calibrated": 0.5}.get(formula, 13.9), atol=0.4
+                    )
     assert set(warning.STRESS_ABOVE) == set(FORMULAS)
     for same in ("wu-zhou", "lobontiu", "quadrature"):  # the same beam integrals
         assert warning.STRESS_ABOVE[same] == warning.STRESS_ABOVE["paros-weisbord"]
@@ -116,7 +134,9 @@ def test_limits_of_yield_are_below_it_by_what_the_stress_of_driven_stages_may_be
 
 
 def test_numbers_more_likely_in_another_unit_are_said(project):
-    """The limits themselves are judgements: a plain number passes, one a thousand times off does not."""
+    """The limits themselves are judgements: a plain number passes, one a thousand times off does
+    not.
+    """
     for old, new, key in (
         ("thickness_mm = 10.0", "thickness_mm = 0.01", "thickness_mm"),
         ("mpa = 503.0", "mpa = 0.503", "yield_strength_mpa"),
@@ -126,7 +146,9 @@ def test_numbers_more_likely_in_another_unit_are_said(project):
         ("[180.0, -90.0, 90.0]", "[3.1416, -1.5708, 1.5708]", "joint_angles_deg"),
     ):
         project.path("geometry/mobility6.toml").write_text(SIX.read_text())
-        (said,) = warning.of_numbers(load_stage(project.edit("geometry/mobility6.toml", (old, new))))
+        (said,) = warning.of_numbers(
+            load_stage(project.edit("geometry/mobility6.toml", (old, new)))
+        )
         assert key in said and said.endswith(": is the unit right?")
     assert warning.of_numbers(load_stage(SIX)) == []
     assert warning.of_stage(load_stage(SIX)) == []
@@ -135,42 +157,67 @@ def test_numbers_more_likely_in_another_unit_are_said(project):
 def test_a_thickness_or_a_neck_of_a_mechanism_in_another_unit_is_said():
     pivot = flexfem.load(ROOT / "geometry/pivot.toml")
     thin = pivot.replace(thickness=0.01)
-    said = ["thickness_mm = 0.01 is below a thousandth of the mechanism, 55.6 mm across: is the unit right?"]
+    said = [
+        "thickness_mm = 0.01 is below a thousandth of the mechanism, 55.6 mm across: is the unit "
+        "right?"
+    ]
     assert warning.of_numbers(pivot) == [] and warning.of_numbers(thin) == said
     assert flexfem.check(thin).warnings == said
     assert flexfem.stiffness(thin, models="analytic").warnings[:1] == said  # then that it buckles
     (narrow,) = warning.of_numbers(pivot.replace(parameters={"neck_mm": 8e-3}))
-    assert narrow == "neck_mm = 0.008 is below a thousandth of the thickness, 10 mm: is the unit right?"
+    assert (
+        narrow
+        == "neck_mm = 0.008 is below a thousandth of the thickness, 10 mm: is the unit right?"
+    )
 
 
 def test_a_plate_with_many_triangles_is_said_before_it_is_meshed():
     """Four leaves of 20 x 0.004 mm have about 4,900 squares each, and each square 17 triangles."""
-    said = warning.of_numbers(flexfem.load(ROOT / "geometry/pivot.toml").replace(parameters={"neck_mm": 4e-3}))
-    assert said[-1] == "finite elements need about 3.4e+05 triangles with 8 across the necks, which take minutes"
+    said = warning.of_numbers(
+        flexfem.load(ROOT / "geometry/pivot.toml").replace(parameters={"neck_mm": 4e-3})
+    )
+    assert said[-1] == (
+        "finite elements need about 3.4e+05 triangles with 8 across the necks, which take minutes"
+    )
 
 
 def test_a_payload_a_hundred_times_as_heavy_as_its_plate_is_said():
-    """The pivot of 2810 kg/m^3 has less than 50 g; 350 kg in place of 350 g is nearly 10,000 times its mass."""
+    """The pivot of 2810 kg/m^3 has less than 50 g; 350 kg in place of 350 g is nearly 10,000 times
+    its mass.
+    """
     pivot = flexfem.load(ROOT / "geometry/pivot.toml")
     mass = flexfem.check(pivot).mass_g
     assert warning.of_numbers(pivot.replace(payload={"mass": 99e-6 * mass})) == []  # tonne
     (said,) = warning.of_numbers(pivot.replace(payload={"mass": 0.35}))
-    assert said.startswith(f"the payload of 350 kg is {350e3 / mass:.3g} times as heavy as the plate of ")
+    assert said.startswith(
+        f"the payload of 350 kg is {350e3 / mass:.3g} times as heavy as the plate of "
+    )
     assert said.endswith(": is the unit right?")
     stage = load_stage(SIX)
-    for found in (flexfem.modes(stage, payload=(350.0, 0.0), models="analytic"),
-                  flexfem.gravity(stage, payload=350.0, models="analytic")):  # fmt: skip
+    for found in (
+        flexfem.modes(stage, payload=(350.0, 0.0), models="analytic"),
+        flexfem.gravity(stage, payload=350.0, models="analytic"),
+    ):
         assert any("the payload of 350 kg is" in text for text in found.warnings)
 
 
-@pytest.mark.parametrize(("scale", "said"), [(1e-3, "0.153"), (7e-3, ""), (30.0, ""), (40.0, "6.1e3")])
+@pytest.mark.parametrize(
+    ("scale", "said"), [(1e-3, "0.153"), (7e-3, ""), (30.0, ""), (40.0, "6.1e3")]
+)
 def test_a_stage_whose_lengths_are_in_metres_or_micrometres_is_said_by_its_size(scale, said):
-    """A pad's corner is at 54 + 4 + 9 and 32 + 4.5 mm from the centre of the reference stage: 152.6 mm across."""
+    """A pad's corner is at 54 + 4 + 9 and 32 + 4.5 mm from the centre of the reference stage: 152.6
+    mm across.
+    """
     stage = load_stage(SIX)
-    chain, platform, radii = stage.chain, stage.platform, {"base": 4.0, "elbow": 1.5, "platform": 1.5}
+    chain = stage.chain
+    platform = stage.platform
+    radii = {"base": 4.0, "elbow": 1.5, "platform": 1.5}
     other = stage.replace(
         thickness=scale * stage.thickness,
-        chain={"link_lengths": scale * np.array(chain.link_lengths), "link_width": scale * chain.link_width},
+        chain={
+            "link_lengths": scale * np.array(chain.link_lengths),
+            "link_width": scale * chain.link_width,
+        },
         platform={"radius": scale * platform.radius, "hub_radius": scale * platform.hub_radius},
         radius={name: scale * radius for name, radius in radii.items()},
         neck=scale * 0.5,

@@ -1,4 +1,6 @@
-"""Every number of every kind of file at sizes that no quantity has: one line that refuses it, or an answer."""
+"""Every number of every kind of file at sizes that no quantity has: one line that refuses it, or an
+answer.
+"""
 
 from __future__ import annotations
 
@@ -67,8 +69,12 @@ def read(name, path, flexfem):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_no_number_of_any_file_ends_in_a_traceback_or_in_what_a_library_says(name, flexfem, tmp_path):
-    content, path, seen = content_of(name), tmp_path / "own.toml", set()
+def test_no_number_of_any_file_ends_in_a_traceback_or_in_what_a_library_says(
+    name, flexfem, tmp_path
+):
+    content = content_of(name)
+    path = tmp_path / "own.toml"
+    seen = set()
     path.write_text(toml_text(content))
     assert read(name, path, flexfem) == (0, "")
     for place in numbers_in(content):
@@ -86,7 +92,15 @@ def test_no_number_of_any_file_ends_in_a_traceback_or_in_what_a_library_says(nam
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
                 code, err = read(name, path, flexfem)
-            assert code in (0, 1, 2) and "error in flexfem" not in err and "Traceback" not in err, (place, extreme, err)
-            assert not code or (err.startswith("flexfem: ") and err.count("\n") == 1), (place, extreme, err)
+            assert code in (0, 1, 2) and "error in flexfem" not in err and "Traceback" not in err, (
+                place,
+                extreme,
+                err,
+            )
+            assert not code or (err.startswith("flexfem: ") and err.count("\n") == 1), (
+                place,
+                extreme,
+                err,
+            )
             if not abs(extreme) <= 1e300 and kind[-1] not in COMPARED:
                 assert code == 2 and kind[-1] in err, (place, extreme, err)

@@ -1,4 +1,6 @@
-"""JSON schemas against what reads the files: two independent validators, shipped files, bad values, random changes."""
+"""JSON schemas against what reads the files: two independent validators, shipped files, bad values,
+random changes.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +28,15 @@ from ..conftest import ROOT
 
 TAPLO = Path(sysconfig.get_path("scripts")) / "taplo"
 SHIPPED = {
-    "stage": [*sorted((ROOT / "geometry").glob("mobility*.toml")), ROOT / "flexfem/data/new-stage.toml"],
+    "stage": [
+        *sorted((ROOT / "geometry").glob("mobility*.toml")),
+        ROOT / "flexfem/data/new-stage.toml",
+    ],
     "mechanism": sorted((ROOT / "flexfem/data").glob("mechanism-*.toml")),
-    "case": [*sorted((ROOT / "cases").glob("[fj][io][gi]*.toml")), ROOT / "flexfem/data/new-case.toml"],
+    "case": [
+        *sorted((ROOT / "cases").glob("[fj][io][gi]*.toml")),
+        ROOT / "flexfem/data/new-case.toml",
+    ],
     "study": [
         *sorted((ROOT / "cases").glob("study-*.toml")),
         *sorted((ROOT / "tests/baselines/studies").glob("*.toml")),
@@ -41,7 +49,13 @@ SHIPPED = {
 NECK = {"neck_um": 507.0, "sd_um": 3.0}
 MADE = {
     "measured": {"name": "day 1", "measured": {"kxx_n_per_mm": 1480.0, "kxx_sd_n_per_mm": 11.0}},
-    "necks": {"neck": [{"chain": c, "hinge": h, **NECK} for c in (1, 2, 3) for h in ("base", "elbow", "platform")]},
+    "necks": {
+        "neck": [
+            {"chain": c, "hinge": h, **NECK}
+            for c in (1, 2, 3)
+            for h in ("base", "elbow", "platform")
+        ]
+    },
 }
 
 
@@ -57,7 +71,8 @@ def shipped(name):
 
 def accepts(name, content):
     """Whether flexfem reads the content, what other files hold left aside."""
-    model, named = FORMATS[name].model, FORMATS[name].named
+    model = FORMATS[name].model
+    named = FORMATS[name].named
     try:
         for each in content.values() if named else [content]:
             model.model_validate(each)
@@ -67,7 +82,9 @@ def accepts(name, content):
 
 
 def checked_by_taplo(folder, schema, *paths):
-    found = subprocess.run([TAPLO, "check", "--schema", f"file://{schema}", *paths], capture_output=True, cwd=folder)
+    found = subprocess.run(
+        [TAPLO, "check", "--schema", f"file://{schema}", *paths], capture_output=True, cwd=folder
+    )
     return found.returncode == 0
 
 
@@ -79,14 +96,18 @@ def test_shipped_files_are_accepted_by_both_validators(name, tmp_path):
     paths = SHIPPED.get(name, [tmp_path / "made.toml"])
     (tmp_path / "made.toml").write_text(toml_text(shipped(name)))
     for path in paths:
-        assert [error.message for error in validator(name).iter_errors(tomllib.loads(path.read_text()))] == [], path
+        assert [
+            error.message for error in validator(name).iter_errors(tomllib.loads(path.read_text()))
+        ] == [], path
     assert checked_by_taplo(tmp_path, written, *paths)
 
 
 @pytest.mark.parametrize("name", results())
 def test_results_have_schemas(name):
     jsonschema.Draft7Validator.check_schema(schema(name))
-    assert schema(name)["properties"]["result"] == {"const": name} and f"{name}." in str(schema(name))
+    assert schema(name)["properties"]["result"] == {"const": name} and f"{name}." in str(
+        schema(name)
+    )
 
 
 def changed(name, *changes):
@@ -120,9 +141,15 @@ BAD_VALUES = {
 CONTRADICTIONS = {
     "nonlinear links": ("case", (("analysis",), "nonlinear"), (("curve", 0), LINKED)),
     "resolution of the thickness in the plane": ("case", (("thickness_resolution",), 4)),
-    "saltelli with designs": ("study", (("sampling",), {"method": "saltelli", "designs": 64, "seed": 1})),
+    "saltelli with designs": (
+        "study",
+        (("sampling",), {"method": "saltelli", "designs": 64, "seed": 1}),
+    ),
     "arm without a stroke": ("study", (("drive",), {"lever_arm_mm": 9.0})),
-    "step of a list": ("requirements", (("free",), [{"key": "thickness_mm", "values": [8.0, 9.0], "step": 0.5}])),
+    "step of a list": (
+        "requirements",
+        (("free",), [{"key": "thickness_mm", "values": [8.0, 9.0], "step": 0.5}]),
+    ),
     "requirement without an end": ("requirements", (("require",), [{"quantity": "envelope_mm"}])),
 }
 
@@ -131,7 +158,9 @@ CONTRADICTIONS = {
 def test_bad_values_are_refused_by_schema_and_by_flexfem_and_contradictions_by_flexfem(what):
     name, *changes = (BAD_VALUES | CONTRADICTIONS)[what]
     content = changed(name, *changes)
-    assert not accepts(name, content) and (what in CONTRADICTIONS or not validator(name).is_valid(content))
+    assert not accepts(name, content) and (
+        what in CONTRADICTIONS or not validator(name).is_valid(content)
+    )
 
 
 def numbers_of(schema, key=""):
@@ -174,12 +203,49 @@ def test_every_key_is_described_has_an_example_and_every_number_a_known_unit(nam
 
 
 VALUES = [
-    0, 1, 3, 21, -1.0, 0.0, 0.4, 2.5, 60.0, 1e-7, 1e5, True, False, "", "x", "theta", "fe", "three_dimensional",
-    "analytic", "verify", "nonlinear", "joints", "base", "link 1", "platform", "al-6061-t6", "calibrated", "normal",
-    "uniform", "log", "table", "monte_carlo", "hinges.*.neck_mm", "override.2.elbow.neck_mm", "actuator.base.arm_mm",
-    "override.*.actuator.base.point_mm[0]", "chain.link_lengths_mm[1]", "kxx_n_per_mm", [], [1.0, 2.0],
-    [3.0, 5.0, 9.0], {},
-]  # fmt: skip
+    0,
+    1,
+    3,
+    21,
+    -1.0,
+    0.0,
+    0.4,
+    2.5,
+    60.0,
+    1e-7,
+    1e5,
+    True,
+    False,
+    "",
+    "x",
+    "theta",
+    "fe",
+    "three_dimensional",
+    "analytic",
+    "verify",
+    "nonlinear",
+    "joints",
+    "base",
+    "link 1",
+    "platform",
+    "al-6061-t6",
+    "calibrated",
+    "normal",
+    "uniform",
+    "log",
+    "table",
+    "monte_carlo",
+    "hinges.*.neck_mm",
+    "override.2.elbow.neck_mm",
+    "actuator.base.arm_mm",
+    "override.*.actuator.base.point_mm[0]",
+    "chain.link_lengths_mm[1]",
+    "kxx_n_per_mm",
+    [],
+    [1.0, 2.0],
+    [3.0, 5.0, 9.0],
+    {},
+]
 
 
 def places_of(content):
@@ -191,14 +257,18 @@ def places_of(content):
 
 
 def varied(name, keys, draw):
-    """The shipped content with some keys gone, some of other tables or formats, and some values of others."""
+    """The shipped content with some keys gone, some of other tables or formats, and some values of
+    others.
+    """
     content = copy.deepcopy(shipped(name))
     content.pop("provenance", None)
     for _ in range(draw.randint(1, 2)):
         place = draw.choice(list(places_of(content)))
         if isinstance(place, dict) and draw.random() < 0.5:
             key, leaf = draw.choice(keys)
-            place[key] = example_of(leaf) if draw.random() < 0.6 else copy.deepcopy(draw.choice(VALUES))
+            place[key] = (
+                example_of(leaf) if draw.random() < 0.6 else copy.deepcopy(draw.choice(VALUES))
+            )
         elif place:
             key = draw.choice(list(place) if isinstance(place, dict) else range(len(place)))
             if draw.random() < 0.4:
@@ -210,7 +280,10 @@ def varied(name, keys, draw):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_whatever_flexfem_accepts_the_schema_accepts(name, count=100):
-    draw, taken, refused, keys = random.Random(f"schema of {name}"), 0, 0, list(leaves_of(schema_of(name)))
+    draw = random.Random(f"schema of {name}")
+    taken = 0
+    refused = 0
+    keys = list(leaves_of(schema_of(name)))
     for _ in range(count):
         content = varied(name, keys, draw)
         if accepts(name, content):

@@ -1,4 +1,6 @@
-"""Studies of a reference stage by the analytic model, all designs answered at once: what pages and figures show."""
+"""Studies of a reference stage by the analytic model, all designs answered at once: what pages and
+figures show.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ def study(folder: Path, text: str, *edits: tuple[str, str]) -> LoadedStudy:
 
 def answered(loaded: LoadedStudy, **changed: np.ndarray) -> StudyTable:
     """The table of a study, some columns replaced."""
-    rows, values = answer(loaded, 0, loaded.count), sample(loaded, 0, loaded.count)
+    rows = answer(loaded, 0, loaded.count)
+    values = sample(loaded, 0, loaded.count)
     columns = {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
     columns |= {name: rows.values[:, k] for k, name in enumerate(loaded.outputs)}
     return StudyTable(np.arange(loaded.count), rows.status, rows.reason, columns | changed)

@@ -15,7 +15,10 @@ from ..conftest import GENERIC
 
 STAGE = toml_text(
     GENERIC
-    | {"override": [{"chain": 2, "hinge": "elbow", "neck_mm": 0.71}], "provenance": {"thickness_mm": "assumed: a test"}}
+    | {
+        "override": [{"chain": 2, "hinge": "elbow", "neck_mm": 0.71}],
+        "provenance": {"thickness_mm": "assumed: a test"},
+    }
 )
 
 STUDY = """name = "generic study"
@@ -61,16 +64,22 @@ class Studies:
     def load(self, *edits: tuple[str, str], text: str = STUDY) -> LoadedStudy:
         return load_study(self.write(*edits, text=text))
 
-    def of(self, sampling: str, *factors: str, head: str = 'model = "analytic"', tail: str = "") -> LoadedStudy:
+    def of(
+        self, sampling: str, *factors: str, head: str = 'model = "analytic"', tail: str = ""
+    ) -> LoadedStudy:
         """A study of factors, each a table's body, and a sampling."""
         body = "".join(f"\n[[factor]]\n{factor}\n" for factor in factors)
         opening = f'name = "generic study"\nstage = "stage.toml"\n{head}\n'
         return self.load(text=f"{opening}[sampling]\n{sampling}\n{body}\n{tail}")
 
 
-def random(studies: Studies, head: str, count: int, tail: str, factors: tuple[str, ...]) -> LoadedStudy:
+def random(
+    studies: Studies, head: str, count: int, tail: str, factors: tuple[str, ...]
+) -> LoadedStudy:
     """A study of a few random designs."""
-    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
+    return studies.of(
+        f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail
+    )
 
 
 def columns(loaded: LoadedStudy, rows: Rows) -> dict[str, Array]:

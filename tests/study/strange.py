@@ -16,7 +16,11 @@ from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy
 
 PAUSE = 0.01  # s a design: time to be killed in
-HANGS, KILLED, SEGMENTATION, RAISES, FAILS = 3, 5, 18, 20, 21
+HANGS = 3
+KILLED = 5
+SEGMENTATION = 18
+RAISES = 20
+FAILS = 21
 
 
 def slow(loaded: LoadedStudy, start: int, stop: int) -> Rows:

@@ -1,4 +1,6 @@
-"""Many designs at once are the designs one by one: same stiffness, same refusals; stresses are in equilibrium."""
+"""Many designs at once are the designs one by one: same stiffness, same refusals; stresses are in
+equilibrium.
+"""
 
 from __future__ import annotations
 
@@ -48,26 +50,42 @@ PLANES: tuple[Plane, ...] = ("plane_stress", "plane_strain", "corrected")
 DRIVE = "[drive]\nstroke_um = 17.4\nlever_arm_mm = 10.0"
 
 
-def study(studies: Any, factors: tuple[str, ...], formula: str, mobility: Any, count: int, more: str = "") -> Any:
-    head = f'model = "analytic"\nformula = "{formula}"\n' + (f"mobility = {mobility}\n" if mobility else "") + more
-    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 29', *factors, head=head, tail=DRIVE)
+def study(
+    studies: Any, factors: tuple[str, ...], formula: str, mobility: Any, count: int, more: str = ""
+) -> Any:
+    head = (
+        f'model = "analytic"\nformula = "{formula}"\n'
+        + (f"mobility = {mobility}\n" if mobility else "")
+        + more
+    )
+    return studies.of(
+        f'method = "monte_carlo"\ndesigns = {count}\nseed = 29', *factors, head=head, tail=DRIVE
+    )
 
 
 def test_the_kernel_is_the_scalar_model(studies: Any) -> None:
-    """Chains in parallel against loop equations: every mobility, and every formula with one of them and in a plane."""
+    """Chains in parallel against loop equations: every mobility, and every formula with one of them
+    and in a plane.
+    """
     mobilities = [*FREEDOMS_BY_MOBILITY, None]
     pairs = [("calibrated", mobility) for mobility in mobilities]
-    pairs += [(formula, mobilities[place % len(mobilities)]) for place, formula in enumerate(FORMULAS)]
+    pairs += [
+        (formula, mobilities[place % len(mobilities)]) for place, formula in enumerate(FORMULAS)
+    ]
     for turn, (formula, mobility) in enumerate(pairs):
         loaded = study(studies, GENTLE, formula, mobility, 4)
-        loaded = replace(loaded, base=loaded.stage.model_copy(update={"model": PLANES[turn % len(PLANES)]}))
+        loaded = replace(
+            loaded, base=loaded.stage.model_copy(update={"model": PLANES[turn % len(PLANES)]})
+        )
         rows = answer(loaded, 0, loaded.count)
         assert set(rows.status) == {"ok"}, rows.reason
         for found, values in zip(rows.values, sample(loaded, 0, loaded.count), strict=True):
             K = found[:6][[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
             expected = stiffness(assemble(stage_of(loaded, values), mobility, formula)).K_uu
             size = np.sqrt(np.diagonal(expected))
-            np.testing.assert_allclose(K / np.outer(size, size), expected / np.outer(size, size), rtol=0, atol=LOOPS)
+            np.testing.assert_allclose(
+                K / np.outer(size, size), expected / np.outer(size, size), rtol=0, atol=LOOPS
+            )
 
 
 @pytest.mark.parametrize("check", ["closed_form", "drawing"])
@@ -75,7 +93,9 @@ def test_what_the_scalar_path_refuses_is_refused_and_nothing_else(check: str, st
     count = 400 if check == "closed_form" else 150
     loaded = study(studies, WILD, "calibrated", 21, count, f'check = "{check}"')
     rows = answer(loaded, 0, loaded.count)
-    for values, status, reason in zip(sample(loaded, 0, count), rows.status, rows.reason, strict=True):
+    for values, status, reason in zip(
+        sample(loaded, 0, count), rows.status, rows.reason, strict=True
+    ):
         try:
             stage = stage_of(loaded, values)
             (check_feasible if check == "drawing" else check_closed_form)(stage)
@@ -91,24 +111,36 @@ def test_what_the_scalar_path_refuses_is_refused_and_nothing_else(check: str, st
 
 def test_a_singular_stage_is_refused(studies: Any) -> None:
     """Three hinges in line leave a chain of mobility three no compliance along it."""
-    straight = tuple(f'key = "chain.joint_angles_deg[{k}]"\nvalues = [{angle}]' for k, angle in enumerate((180.0, 0.0)))
+    straight = tuple(
+        f'key = "chain.joint_angles_deg[{k}]"\nvalues = [{angle}]'
+        for k, angle in enumerate((180.0, 0.0))
+    )
     (reason,) = set(answer(study(studies, straight, "paros-weisbord", 3, 2), 0, 2).reason)
     assert reason.startswith("chain: singular to working precision at rest")
 
 
-def test_hinge_deformations_under_the_neck_wrenches_add_up_to_the_displacement(studies: Any) -> None:
+def test_hinge_deformations_under_the_neck_wrenches_add_up_to_the_displacement(
+    studies: Any,
+) -> None:
     """Compatibility, chain by chain: with rotation and stretch alone the neck wrenches say it all."""
     loaded = study(studies, GENTLE, "calibrated", 12, 5)
     for values in sample(loaded, 0, 5):
         stage = stage_of(loaded, values)
-        found, placed = analyse(stage, 12, "calibrated"), stage_frames(stage)
+        found = analyse(stage, 12, "calibrated")
+        placed = stage_frames(stage)
         wrench = found.wrench
         turn = found.hinges.rotation[..., None] * wrench.moment
         stretch = found.hinges.axial[..., None] * wrench.normal
-        x, y = placed.centres[..., 0, None], placed.centres[..., 1, None]
-        c, s = np.cos(placed.axes)[..., None], np.sin(placed.axes)[..., None]
-        moved = np.stack([y * turn + c * stretch, -x * turn + s * stretch, turn], axis=2).sum(axis=1)
-        np.testing.assert_allclose(moved, np.broadcast_to(np.eye(3), (3, 3, 3)), atol=DENSE)  # mm per mm and rad
+        x = placed.centres[..., 0, None]
+        y = placed.centres[..., 1, None]
+        c = np.cos(placed.axes)[..., None]
+        s = np.sin(placed.axes)[..., None]
+        moved = np.stack([y * turn + c * stretch, -x * turn + s * stretch, turn], axis=2).sum(
+            axis=1
+        )
+        np.testing.assert_allclose(
+            moved, np.broadcast_to(np.eye(3), (3, 3, 3)), atol=DENSE
+        )  # mm per mm and rad
 
 
 def test_travel_is_where_the_first_base_hinge_has_turned_by_stroke_over_arm(studies: Any) -> None:
@@ -122,7 +154,9 @@ def test_travel_is_where_the_first_base_hinge_has_turned_by_stroke_over_arm(stud
             joints = inverse_kinematics(mechanism, at_rest, np.eye(3)[axis]).joints
             base = [joints[k] for k, slot in enumerate(mechanism.joints.slot) if slot in (0, 9, 18)]
             expected = 17.4e-3 / 10.0 / np.max(np.abs(base)) * 1e3
-            assert found[loaded.outputs.index("travel_x_um") + axis] == pytest.approx(expected, rel=1e-7)
+            assert found[loaded.outputs.index("travel_x_um") + axis] == pytest.approx(
+                expected, rel=1e-7
+            )
 
 
 def test_the_envelope_holds_the_drawn_stage_and_no_more(studies: Any) -> None:

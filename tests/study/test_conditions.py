@@ -33,30 +33,46 @@ expression = "override.2.elbow.neck_mm + override.1.elbow.radius_mm + hinges.elb
 
 
 def test_an_expression_has_the_value_that_arithmetic_gives_it() -> None:
-    a, b = np.array([4.0, 9.0]), np.array([0.5, -3.0])
+    a = np.array([4.0, 9.0])
+    b = np.array([0.5, -3.0])
     given = {"k.x[1]": a, "link 1": b}
     for text, expected in (
         ("sqrt(k.x[1]) - 2*`link 1`**2", [1.5, -15.0]),
         ("-k.x[1] / (1 + .5e1)", [-2 / 3, -1.5]),
         ("max(`link 1`, 0.25, -1) * min(k.x[1], 5)", [2.0, 1.25]),
-        ("log10(1e2 * k.x[1] / k.x[1]) - abs(`link 1`) + 2 ** 3 ** 0 * exp(0*`link 1`)", [3.5, 1.0]),
+        (
+            "log10(1e2 * k.x[1] / k.x[1]) - abs(`link 1`) + 2 ** 3 ** 0 * exp(0*`link 1`)",
+            [3.5, 1.0],
+        ),
         ("10 - k.x[1] - 1", [5.0, 0.0]),
         ("-" * 300 + "k.x[1]", [4.0, 9.0]),
     ):
         np.testing.assert_allclose(value_of(text, given), expected, rtol=1e-14, err_msg=text)
     missing = {"a": np.array([np.nan, 2.0]), "b": np.array([1.0, np.nan])}
-    assert all(np.isnan(value_of(text, missing)).all() for text in ("max(a, b)", "min(a, b)", "a + b", "0 * a * b"))
-    assert np.isnan(value_of("log(`link 1`)", given)[1]) and value_of("1 / (k.x[1] - 4)", given)[0] == np.inf
+    assert all(
+        np.isnan(value_of(text, missing)).all()
+        for text in ("max(a, b)", "min(a, b)", "a + b", "0 * a * b")
+    )
+    assert (
+        np.isnan(value_of("log(`link 1`)", given)[1])
+        and value_of("1 / (k.x[1] - 4)", given)[0] == np.inf
+    )
 
 
-def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alone(studies, tmp_path: Path) -> None:
+def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alone(
+    studies, tmp_path: Path
+) -> None:
     """By hand from the columns of the table; the parts stay as they are, and so does the hash."""
     limits = '[[constraint]]\nvalue = "range_x_um"\nleast = 505.0\n[[constraint]]\nvalue = "ratio"\nmost = -0.2\n'
     plain, loaded = (studies.of(FEW, NECK, RADIUS, tail=tail) for tail in ("", OUTPUTS + limits))
     parts = parts_of(loaded, tmp_path, 40)
-    assert plain.hash == loaded.hash and parts.schema.names == parts_of(plain, tmp_path, 40).schema.names
+    assert (
+        plain.hash == loaded.hash
+        and parts.schema.names == parts_of(plain, tmp_path, 40).schema.names
+    )
     rows = answer(loaded, 0, 40)
-    rows.status[3], rows.values[3] = "refused", np.nan
+    rows.status[3] = "refused"
+    rows.values[3] = np.nan
     parts.folder.mkdir(parents=True)
     write_part(parts, range(40), table_of(parts, range(40), rows))
     for name in ("t.parquet", "t.csv"):
@@ -87,23 +103,39 @@ def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alon
 def test_a_constraint_on_factors_and_keys_alone_refuses_before_anything_is_solved(
     studies, monkeypatch: pytest.MonkeyPatch, head: str
 ) -> None:
-    limit = '[[constraint]]\nlabel = "t/R"\nvalue = "slenderness / 1.0"\nleast = 0.12\nmost = 0.15\n'
+    limit = (
+        '[[constraint]]\nlabel = "t/R"\nvalue = "slenderness / 1.0"\nleast = 0.12\nmost = 0.15\n'
+    )
     loaded = studies.of(FEW, NECK, RADIUS, head=head, tail=OUTPUTS + limit)
-    monkeypatch.setattr("flexfem.study.answer.solved_values", lambda *_: np.zeros(len(loaded.outputs)))
-    rows, neck = answer(loaded, 0, 40), sample(loaded, 0, 40)[:, 0]
+    monkeypatch.setattr(
+        "flexfem.study.answer.solved_values", lambda *_: np.zeros(len(loaded.outputs))
+    )
+    rows = answer(loaded, 0, 40)
+    neck = sample(loaded, 0, 40)[:, 0]
     outside = (neck / 3.9 < 0.12) | (neck / 3.9 > 0.15)
     assert 5 < outside.sum() < 35
     assert list(rows.status) == ["refused" if out else "ok" for out in outside]
     first = int(np.flatnonzero(outside)[0])
-    assert rows.reason[first] == f"constraint t/R = {neck[first] / 3.9:.6g}, expected at least 0.12 and at most 0.15"
-    edits = {"0.12": "0.13", "0.15": "0.16", "/ hinges.base": "/ 1.01 / hinges.base", "/ 1.0": "/ 1.1", "t/R": "t/r"}
+    assert (
+        rows.reason[first]
+        == f"constraint t/R = {neck[first] / 3.9:.6g}, expected at least 0.12 and at most 0.15"
+    )
+    edits = {
+        "0.12": "0.13",
+        "0.15": "0.16",
+        "/ hinges.base": "/ 1.01 / hinges.base",
+        "/ 1.0": "/ 1.1",
+        "t/R": "t/r",
+    }
     for old, new in edits.items():
         assert old in OUTPUTS + limit
         changed = studies.of(FEW, NECK, RADIUS, head=head, tail=(OUTPUTS + limit).replace(old, new))
         assert changed.hash != loaded.hash, old
 
 
-def test_correlated_factors_have_their_rank_correlation_and_keep_their_distributions(studies) -> None:
+def test_correlated_factors_have_their_rank_correlation_and_keep_their_distributions(
+    studies,
+) -> None:
     pairs = (
         '[[correlation]]\nfactors = ["r", "b"]\ncoefficient = 0.6\n'
         '[[correlation]]\nfactors = ["neck of base", "b"]\ncoefficient = -0.3\n'
@@ -113,12 +145,15 @@ def test_correlated_factors_have_their_rank_correlation_and_keep_their_distribut
     factors = f'{NECK}\nscale = "log"', RADIUS, free, bell
     for method in ("monte_carlo", "sobol", "latin_hypercube"):
         sampling = f'method = "{method}"\ndesigns = 8192\nseed = 3'
-        loaded, apart = studies.of(sampling, *factors, tail=pairs), studies.of(sampling, *factors)
+        loaded = studies.of(sampling, *factors, tail=pairs)
+        apart = studies.of(sampling, *factors)
         found = sample(loaded, 0, 8192)
         ranks = spearmanr(found).statistic
         wanted = np.array([[1, 0, 0, -0.3], [0, 1, 0, 0.6], [0, 0, 1, 0], [-0.3, 0.6, 0, 1]])
         # four standard errors, and less than 0.6 of the normal deviates is off, 0.582 of the ranks
-        np.testing.assert_allclose(ranks, wanted, atol=0.008 if method == "sobol" else 4 / np.sqrt(8192))
+        np.testing.assert_allclose(
+            ranks, wanted, atol=0.008 if method == "sobol" else 4 / np.sqrt(8192)
+        )
         shape = truncnorm((9.0 - 9.7) / 1.0, (12.0 - 9.7) / 1.0, loc=9.7, scale=1.0)
         for values, marginal in (
             (np.log(found[:, 0] / 0.4) / np.log(0.7 / 0.4), uniform()),
@@ -126,7 +161,9 @@ def test_correlated_factors_have_their_rank_correlation_and_keep_their_distribut
             (found[:, 3], shape),
         ):
             assert kstest(values, marginal.cdf).pvalue > 1e-4
-        np.testing.assert_array_equal(found[:, 2], sample(apart, 0, 8192)[:, 2])  # who is not named stays
+        np.testing.assert_array_equal(
+            found[:, 2], sample(apart, 0, 8192)[:, 2]
+        )  # who is not named stays
         np.testing.assert_array_equal(found[1000:1003], sample(loaded, 1000, 1003))
         assert loaded.hash != apart.hash
 

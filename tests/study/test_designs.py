@@ -50,11 +50,22 @@ def test_designs_as_arrays_are_the_stages_one_by_one(studies: Any) -> None:
 
 def test_a_design_is_the_stage_that_the_edited_file_would_give(studies: Any) -> None:
     """Read by the stage format itself, not by the study's own hands."""
-    necks = 'key = "hinges.elbow.neck_mm"\nvalues = [0.5]', 'key = "override.2.elbow.neck_mm"\nvalues = [0.8]'
-    link = 'key = "chain.link_lengths_mm[1]"\nvalues = [34.25]', 'key = "override.3.base.radius_mm"\nvalues = [3.5]'
+    necks = (
+        'key = "hinges.elbow.neck_mm"\nvalues = [0.5]',
+        'key = "override.2.elbow.neck_mm"\nvalues = [0.8]',
+    )
+    link = (
+        'key = "chain.link_lengths_mm[1]"\nvalues = [34.25]',
+        'key = "override.3.base.radius_mm"\nvalues = [3.5]',
+    )
     loaded = studies.of(FEW, *necks, *link, 'key = "material.youngs_modulus_gpa"\nvalues = [71.7]')
     text = (studies.folder / "stage.toml").read_text()
-    edits = {"neck_mm = 0.47": "neck_mm = 0.5", "neck_mm = 0.71": "neck_mm = 0.8", "33.5": "34.25", "68.3": "71.7"}
+    edits = {
+        "neck_mm = 0.47": "neck_mm = 0.5",
+        "neck_mm = 0.71": "neck_mm = 0.8",
+        "33.5": "34.25",
+        "68.3": "71.7",
+    }
     edits["[provenance]"] = '[[override]]\nchain = 3\nhinge = "base"\nradius_mm = 3.5\n[provenance]'
     for old, new in edits.items():
         assert old in text
@@ -66,11 +77,18 @@ def test_a_design_is_the_stage_that_the_edited_file_would_give(studies: Any) -> 
 
 
 def test_a_single_hinge_keeps_what_is_its_own(studies: Any) -> None:
-    """The stage overrides the elbow of chain 2; a factor for all elbows leaves it, one for that hinge does not."""
+    """The stage overrides the elbow of chain 2; a factor for all elbows leaves it, one for that
+    hinge does not.
+    """
     elbows = 'key = "hinges.elbow.neck_mm"\nvalues = [0.5]'
     loaded = studies.of(FEW, elbows)
-    np.testing.assert_array_equal(designs_of(loaded, np.array([[0.5]])).neck[0, :, 1], [0.5, 0.71, 0.5])
-    for chain, expected in ((1, [0.9, 0.71, 0.5]), (2, [0.5, 0.9, 0.5])):  # whatever the order of the factors
+    np.testing.assert_array_equal(
+        designs_of(loaded, np.array([[0.5]])).neck[0, :, 1], [0.5, 0.71, 0.5]
+    )
+    for chain, expected in (
+        (1, [0.9, 0.71, 0.5]),
+        (2, [0.5, 0.9, 0.5]),
+    ):  # whatever the order of the factors
         single = studies.of(FEW, f'key = "override.{chain}.elbow.neck_mm"\nvalues = [0.9]', elbows)
         values = np.array([[0.9, 0.5]])
         np.testing.assert_array_equal(designs_of(single, values).neck[0, :, 1], expected)
@@ -83,6 +101,15 @@ def test_a_value_that_no_file_can_give_is_refused_by_its_key(value: float, studi
     with pytest.raises(BadInput, match=r"^hinges\.base\.neck_mm = .*, expected"):
         stage_of(loaded, np.array([value]))
     values = np.array([0.5, value, 0.6])
-    np.testing.assert_array_equal(keys()["hinges.base.neck_mm"].number.refuses(values), [False, True, False])
-    shrinking = np.array([-5.0, -1e-4, 0.0, 3.0])  # um/(m K): a frame's, of which one is a unit mistake
-    assert keys()["frame.expansion_um_per_m_k"].number.refuses(shrinking).tolist() == [False, True, False, False]
+    np.testing.assert_array_equal(
+        keys()["hinges.base.neck_mm"].number.refuses(values), [False, True, False]
+    )
+    shrinking = np.array(
+        [-5.0, -1e-4, 0.0, 3.0]
+    )  # um/(m K): a frame's, of which one is a unit mistake
+    assert keys()["frame.expansion_um_per_m_k"].number.refuses(shrinking).tolist() == [
+        False,
+        True,
+        False,
+        False,
+    ]

@@ -1,4 +1,6 @@
-"""Studies on other executors: the table of one process, whichever threads or machines compute and however they end."""
+"""Studies on other executors: the table of one process, whichever threads or machines compute and
+however they end.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,8 @@ def loaded(tmp_path):
 
 def test_threads_of_an_executor_give_the_table_of_one_process(loaded, tmp_path):
     """The Sobol sequence of a process has one position."""
-    here, there = parts_of(loaded, tmp_path / "here", 10), parts_of(loaded, tmp_path / "there", 10)
+    here = parts_of(loaded, tmp_path / "here", 10)
+    there = parts_of(loaded, tmp_path / "there", 10)
     run_parts(here, Here())
     with ThreadPoolExecutor(8) as pool:
         run_parts(there, ExecutorWorkers(pool), shard=slice(0, None, 2))
@@ -103,7 +106,10 @@ def test_workers_elsewhere_need_no_folder_in_common(loaded, tmp_path, monkeypatc
     monkeypatch.chdir(tmp_path)
     facts = run_study("necks.toml", "reports", executor=Far())
     assert (facts["ok"] + facts["refused"], facts["open"]) == (300, 0)
-    assert collect_study("necks.toml", "reports")["designs"] == 300 and os.listdir(tmp_path / "far") == []
+    assert (
+        collect_study("necks.toml", "reports")["designs"] == 300
+        and os.listdir(tmp_path / "far") == []
+    )
 
 
 def test_a_design_of_which_workers_die_is_named_and_costs_no_other(loaded, tmp_path):
@@ -118,8 +124,11 @@ def test_a_design_of_which_workers_die_is_named_and_costs_no_other(loaded, tmp_p
 def test_a_run_on_an_executor_that_never_answers_ends_in_one_line(loaded, tmp_path, monkeypatch):
     monkeypatch.setattr(worker_module, "SILENCE", 0.3)
     monkeypatch.setattr("flexfem.study.run.ANALYTIC_LIMIT", 0.2)
-    parts, silent = parts_of(loaded, tmp_path, 100), Silent()
-    with pytest.raises(ComputationFailed, match=r"no result of 3 tasks in 0\.5 s: does the executor have workers"):
+    parts = parts_of(loaded, tmp_path, 100)
+    silent = Silent()
+    with pytest.raises(
+        ComputationFailed, match=r"no result of 3 tasks in 0\.5 s: does the executor have workers"
+    ):
         run_parts(parts, ExecutorWorkers(silent))
     assert [future.cancelled() for future in silent.futures] == [True] * 3
     assert status_facts(parts)["open"] == 300
@@ -128,7 +137,9 @@ def test_a_run_on_an_executor_that_never_answers_ends_in_one_line(loaded, tmp_pa
 def test_an_executor_that_is_shut_or_breaks_ends_the_run_in_one_line(loaded, tmp_path):
     shut = ThreadPoolExecutor(1)
     shut.shutdown()
-    with pytest.raises(ComputationFailed, match="the executor takes no tasks: RuntimeError: cannot schedule"):
+    with pytest.raises(
+        ComputationFailed, match="the executor takes no tasks: RuntimeError: cannot schedule"
+    ):
         run_parts(parts_of(loaded, tmp_path), ExecutorWorkers(shut))
 
     class Gone(Silent):
@@ -138,13 +149,16 @@ def test_an_executor_that_is_shut_or_breaks_ends_the_run_in_one_line(loaded, tmp
             future.set_running_or_notify_cancel()
             return future
 
-    with pytest.raises(ComputationFailed, match="the executor has lost its workers: CancelledError"):
+    with pytest.raises(
+        ComputationFailed, match="the executor has lost its workers: CancelledError"
+    ):
         run_parts(parts_of(loaded, tmp_path), ExecutorWorkers(Gone()))
 
 
 def test_a_worker_with_threads_computes_one_task_at_a_time():
     """Samples, meshers and solvers keep their state in the process."""
-    inside, together = [], []
+    inside = []
+    together = []
 
     def task(number):
         inside.append(number)
@@ -159,7 +173,9 @@ def test_a_worker_with_threads_computes_one_task_at_a_time():
 
 def test_a_worker_with_other_versions_is_refused():
     assert compute_alone(versions_of(), max, 1, 2) == 2
-    with pytest.raises(BadInput, match=r"a worker has numpy .*, the runner 1\.0, expected the same versions"):
+    with pytest.raises(
+        BadInput, match=r"a worker has numpy .*, the runner 1\.0, expected the same versions"
+    ):
         compute_alone(dict(versions_of()) | {"numpy": "1.0"}, max, 1, 2)
 
 
@@ -167,8 +183,14 @@ def test_a_worker_with_other_versions_is_refused():
     ("given", "said"),
     [
         ({"executor": "dask"}, "executor 'dask', expected one of concurrent.futures"),
-        ({"executor": Immediate(), "workers": 2}, "workers = 2, expected none with a scheduler or an executor"),
-        ({"executor": Immediate(), "scheduler": "a:1"}, "scheduler and executor, expected one of them"),
+        (
+            {"executor": Immediate(), "workers": 2},
+            "workers = 2, expected none with a scheduler or an executor",
+        ),
+        (
+            {"executor": Immediate(), "scheduler": "a:1"},
+            "scheduler and executor, expected one of them",
+        ),
         (
             {"scheduler": "nowhere"},
             "--scheduler nowhere: expected host:port of a Dask scheduler, or its scheduler file",
@@ -183,7 +205,9 @@ def test_wrong_executors_are_refused(loaded, tmp_path, given, said):
 
 def test_a_missing_package_or_scheduler_is_named(loaded, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(BadInput, match=r"--scheduler a:1: Dask is not installed, expected flexfem\[dask\]"):
+    with pytest.raises(
+        BadInput, match=r"--scheduler a:1: Dask is not installed, expected flexfem\[dask\]"
+    ):
         run_study(loaded.path, tmp_path / "reports", scheduler="a:1")
 
 
@@ -199,16 +223,26 @@ def paused_and_killed(pids, parts, said):
 
 @pytest.mark.slow
 def test_a_cluster_with_a_killed_and_a_paused_worker_gives_the_table_of_one_process(tmp_path):
-    """The scheduler notices the paused worker by its time to live, and repeats its task and that of the killed one."""
+    """The scheduler notices the paused worker by its time to live, and repeats its task and that of
+    the killed one.
+    """
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")
     loaded = load_study(write(tmp_path, designs=600))
-    here, there = parts_of(loaded, tmp_path / "here", 12), parts_of(loaded, tmp_path / "there", 12)
+    here = parts_of(loaded, tmp_path / "here", 12)
+    there = parts_of(loaded, tmp_path / "there", 12)
     run_parts(here, Here())
     said = []
     with (
-        dask.config.set({"distributed.scheduler.worker-ttl": "3s", "distributed.logging.distributed": "critical"}),
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        dask.config.set(
+            {
+                "distributed.scheduler.worker-ttl": "3s",
+                "distributed.logging.distributed": "critical",
+            }
+        ),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         pids = list(client.run(os.getpid).values())
@@ -232,19 +266,28 @@ def test_the_command_computes_on_a_scheduler_by_its_address_or_file(tmp_path):
     path = write(tmp_path, designs=40)
     command = [sys.executable, "-m", "flexfem", "study", "run", str(path), "-o"]
     with (
-        distributed.LocalCluster(n_workers=1, threads_per_worker=2, dashboard_address=None) as cluster,
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, dashboard_address=None
+        ) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
         file = tmp_path / "scheduler.json"
         client.write_scheduler_file(str(file))
         for name, scheduler in (("by address", cluster.scheduler_address), ("by file", str(file))):
             done = subprocess.run(
-                [*command, str(tmp_path / name), "--scheduler", scheduler], capture_output=True, text=True, timeout=LATE
+                [*command, str(tmp_path / name), "--scheduler", scheduler],
+                capture_output=True,
+                text=True,
+                timeout=LATE,
             )
             assert done.returncode == 0 and "40 designs, 0 unfinished" in done.stdout, done.stderr
     done = subprocess.run(
         [*command, str(tmp_path / "gone"), "--scheduler", cluster.scheduler_address],
-        capture_output=True, text=True, timeout=LATE,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=LATE,
+    )
     assert done.returncode == 2 and "expected host:port of a Dask scheduler" in done.stderr
-    assert [line for line in done.stderr.splitlines() if not line.startswith("study: ")][1:] == [], done.stderr
+    assert [line for line in done.stderr.splitlines() if not line.startswith("study: ")][
+        1:
+    ] == [], done.stderr

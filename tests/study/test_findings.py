@@ -12,7 +12,16 @@ from scipy.stats import binom, norm
 import flexfem.study.findings
 from flexfem.studies import facts_of
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import Distribution, ParetoFront, Refused, Source, StudyMap, cells_of, findings, percentiles
+from flexfem.study.findings import (
+    Distribution,
+    ParetoFront,
+    Refused,
+    Source,
+    StudyMap,
+    cells_of,
+    findings,
+    percentiles,
+)
 from flexfem.study.loaded import LoadedStudy, judge, sample
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
@@ -29,9 +38,12 @@ def found_in(loaded: LoadedStudy, table: StudyTable, nominal=None):
 
 def table_of(loaded: LoadedStudy, **columns: np.ndarray) -> StudyTable:
     """A table in which all have an answer but the second design, given values and else ones."""
-    n, values = loaded.count, sample(loaded, 0, loaded.count)
-    status, reason = np.full(n, "ok", dtype=object), np.full(n, "", dtype=object)
-    status[1], reason[1] = "refused", "no"
+    n = loaded.count
+    values = sample(loaded, 0, loaded.count)
+    status = np.full(n, "ok", dtype=object)
+    reason = np.full(n, "", dtype=object)
+    status[1] = "refused"
+    reason[1] = "no"
     found = {name: np.full(n, 1.0) for name in loaded.outputs} | columns
     found = {name: np.where(status == "ok", value, np.nan) for name, value in found.items()}
     found |= {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
@@ -40,12 +52,17 @@ def table_of(loaded: LoadedStudy, **columns: np.ndarray) -> StudyTable:
 
 def test_the_ends_of_a_map_are_where_its_value_is_least_and_most(studies) -> None:
     loaded = studies.of('method = "grid"', *GRID, tail=MAP)
-    values = np.array([3.0, -99.0, 4.0, 2.5, 6.0, 7.0, 8.0, 9.0, 5.0, 5.5, 5.6, 5.7])  # the second has no answer
+    values = np.array(
+        [3.0, -99.0, 4.0, 2.5, 6.0, 7.0, 8.0, 9.0, 5.0, 5.5, 5.6, 5.7]
+    )  # the second has no answer
     (found,) = found_in(loaded, table_of(loaded, kxx_n_per_mm=values))
     neck, thickness = sample(loaded, 0, 12).T
     ends = {"least": (2.5, 3), "most": (9.0, 7)}
     columns = ("end", "kxx_n_per_mm", "thickness_mm", "hinges.base.neck_mm")
-    rows = [dict(zip(columns, (end, v, thickness[k], neck[k]), strict=True)) for end, (v, k) in ends.items()]
+    rows = [
+        dict(zip(columns, (end, v, thickness[k], neck[k]), strict=True))
+        for end, (v, k) in ends.items()
+    ]
     assert facts_of(found) == {"rows": rows}
 
 
@@ -53,24 +70,37 @@ def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(st
     loaded = studies.of('method = "monte_carlo"\ndesigns = 200\nseed = 3', FREE, tail=FRONT)
     best = np.arange(200) % 10 == 0
     reach = np.random.default_rng(4).uniform(20.0, 60.0, 200)
-    reach[best] = np.geomspace(20.0, 60.0, 20)  # so near to one another that none of the others is on the front
+    reach[best] = np.geomspace(
+        20.0, 60.0, 20
+    )  # so near to one another that none of the others is on the front
     stiffness = np.where(best, 1e7 * reach**-3.3, 1e6 * reach**-2.9)
     table = table_of(loaded, range_x_um=reach, kxx_n_per_mm=stiffness)
     (found,) = found_in(loaded, table)
     assert isinstance(found, ParetoFront)
-    assert found.power == pytest.approx(-3.3, rel=1e-9) and len(found.front) == len(facts_of(found)["rows"]) == 20
-    assert len(found.chosen) == 4 and {one.place for one in found.chosen} <= set(found.front.tolist())
+    assert (
+        found.power == pytest.approx(-3.3, rel=1e-9)
+        and len(found.front) == len(facts_of(found)["rows"]) == 20
+    )
+    assert len(found.chosen) == 4 and {one.place for one in found.chosen} <= set(
+        found.front.tolist()
+    )
     assert found.gain is None
 
 
 def test_what_symmetry_makes_zero_makes_no_front(studies) -> None:
     loaded = studies.of(
-        'method = "monte_carlo"\ndesigns = 50\nseed = 3', FREE, tail=FRONT.replace("kxx_n_per_mm", "kxt_n")
+        'method = "monte_carlo"\ndesigns = 50\nseed = 3',
+        FREE,
+        tail=FRONT.replace("kxx_n_per_mm", "kxt_n"),
     )
     noise = np.random.default_rng(4).normal(0.0, 1e-14, 50)
     table = table_of(loaded, range_x_um=np.arange(50.0), kxt_n=noise)
     (found,) = found_in(loaded, table, {"range_x_um": 3.0, "kxt_n": 1e-15, "envelope_mm": 9.0})
-    assert found.front.tolist() == [48] and set(found.points[:, 1]) == {0.0} and found.base == (3.0, 0.0)
+    assert (
+        found.front.tolist() == [48]
+        and set(found.points[:, 1]) == {0.0}
+        and found.base == (3.0, 0.0)
+    )
     assert found.gain is None
 
 
@@ -79,15 +109,24 @@ def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
         'method = "monte_carlo"\ndesigns = 99\nseed = 3',
         FREE,
         tail='[[output]]\nname = "root"\nexpression = "sqrt(kxx_n_per_mm - 2.5)"\n'
-        + "".join(f'[[figure]]\nkind = "{k}"\nvalues = ["{v}"]\n' for k, v in (("distribution", "root"),
-            ("sensitivity", "kyy_n_per_mm"), ("distribution", "kxx_n_per_mm"))),
-    )  # fmt: skip
+        + "".join(
+            f'[[figure]]\nkind = "{k}"\nvalues = ["{v}"]\n'
+            for k, v in (
+                ("distribution", "root"),
+                ("sensitivity", "kyy_n_per_mm"),
+                ("distribution", "kxx_n_per_mm"),
+            )
+        ),
+    )
     table = table_of(loaded, kxx_n_per_mm=np.arange(99.0), kyy_n_per_mm=np.arange(99.0))
     columns = {name: np.where(table.ok, value, np.nan) for name, value in table.columns.items()}
-    found = found_in(loaded, replace(table, columns=columns | judge(loaded, columns, table.ok).derived))
+    found = found_in(
+        loaded, replace(table, columns=columns | judge(loaded, columns, table.ok).derived)
+    )
     assert [type(one) for one in found] == [Refused, Refused, Distribution]
     assert (
-        "1e-100 to 1e+100 in size for 2 of 98 designs" in found[0].reason and "the first is design 0" in found[0].reason
+        "1e-100 to 1e+100 in size for 2 of 98 designs" in found[0].reason
+        and "the first is design 0" in found[0].reason
     )
     assert "98 designs have a result, expected at least 100" in facts_of(found[1])["refused"]
 
@@ -95,50 +134,91 @@ def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
 def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> None:
     limit = '[[constraint]]\nvalue = "envelope_mm"\nmost = 5.5\n'
     loaded = studies.of('method = "monte_carlo"\ndesigns = 6\nseed = 3', FREE, tail=limit + FRONT)
-    reach, stiffness = np.array([1.0, 0, 5.0, 3.0, 2.0, 9.0]), np.array([6.0, 0, 2.0, 4.0, 4.5, 9.0])
-    table = table_of(loaded, range_x_um=reach, kxx_n_per_mm=stiffness, envelope_mm=np.array([5.5, 0, 5, 6, 5, 7]))
+    reach = np.array([1.0, 0, 5.0, 3.0, 2.0, 9.0])
+    stiffness = np.array([6.0, 0, 2.0, 4.0, 4.5, 9.0])
+    table = table_of(
+        loaded, range_x_um=reach, kxx_n_per_mm=stiffness, envelope_mm=np.array([5.5, 0, 5, 6, 5, 7])
+    )
     table = replace(table, feasible=judge(loaded, table.columns, table.ok).feasible)
     assert table.infeasible.tolist() == [False, False, False, True, False, True]
     (found,) = found_in(loaded, table)
-    assert isinstance(found, ParetoFront) and found.points[found.front, 0].tolist() == [5.0, 2.0, 1.0]
+    assert isinstance(found, ParetoFront) and found.points[found.front, 0].tolist() == [
+        5.0,
+        2.0,
+        1.0,
+    ]
     assert [row["design"] for row in facts_of(found)["rows"]] == ["2", "4", "0"]
     loaded = studies.of('method = "grid"', *GRID, tail=limit + MAP)
     table = table_of(loaded, kxx_n_per_mm=np.arange(12.0), envelope_mm=np.arange(12.0))
     table = replace(table, feasible=judge(loaded, table.columns, table.ok).feasible)
     (found,) = found_in(loaded, table)
-    assert isinstance(found, StudyMap) and [row["kxx_n_per_mm"] for row in found.table.facts] == [0.0, 5.0]
-    cells = cells_of(Source(loaded, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
+    assert isinstance(found, StudyMap) and [row["kxx_n_per_mm"] for row in found.table.facts] == [
+        0.0,
+        5.0,
+    ]
+    cells = cells_of(
+        Source(loaded, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm"
+    )
     assert {why: np.flatnonzero(which).tolist() for why, which in cells.missing.items()} == {
-        "refused": [1], "violates a constraint": [6, 7, 8, 9, 10, 11]}  # fmt: skip
+        "refused": [1],
+        "violates a constraint": [6, 7, 8, 9, 10, 11],
+    }
     nothing = replace(table, feasible=np.zeros(12, dtype=bool))
     assert "satisfies all constraints" in facts_of(found_in(loaded, nothing)[0])["refused"]
 
 
 def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:
-    """A plane over x and log y plus what z adds: a cell has the mean of its designs, and stands at its centre."""
-    factors = THICKNESS, f'{FREE}\nscale = "log"', 'label = "z"\nkey = "hinges.elbow.neck_mm"\nfrom = 0.4\nto = 0.6'
+    """A plane over x and log y plus what z adds: a cell has the mean of its designs, and stands at
+    its centre.
+    """
+    factors = (
+        THICKNESS,
+        f'{FREE}\nscale = "log"',
+        'label = "z"\nkey = "hinges.elbow.neck_mm"\nfrom = 0.4\nto = 0.6',
+    )
     loaded = studies.of('method = "sobol"\ndesigns = 2048\nseed = 3', *factors)
     x, y, z = sample(loaded, 0, 2048).T
     table = table_of(loaded, kxx_n_per_mm=2 * x + 30 * np.log(y) + 50 * (z - 0.5))
-    cells = cells_of(Source(loaded, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
+    cells = cells_of(
+        Source(loaded, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm"
+    )
     plane = 2 * cells.points[:, 0] + 30 * np.log(cells.points[:, 1])
-    assert cells.averaged == ("z",) and cells.grid and len(cells.values) == 13**2 and not cells.missing
-    assert np.abs(cells.values - plane).max() < 4 * 2.95 / np.sqrt(8)  # about 12 designs a cell, 2.95 by z and place
+    assert (
+        cells.averaged == ("z",) and cells.grid and len(cells.values) == 13**2 and not cells.missing
+    )
+    assert np.abs(cells.values - plane).max() < 4 * 2.95 / np.sqrt(
+        8
+    )  # about 12 designs a cell, 2.95 by z and place
     assert np.mean(cells.values - plane) == pytest.approx(0.0, abs=0.05)
-    assert cells.scatter == pytest.approx(np.hypot(50 * 0.2, np.hypot(8 / 13, 16.8 / 13)) / np.sqrt(12), rel=0.1)
+    assert cells.scatter == pytest.approx(
+        np.hypot(50 * 0.2, np.hypot(8 / 13, 16.8 / 13)) / np.sqrt(12), rel=0.1
+    )
     assert cells.size == 12
-    grid = studies.of('method = "grid"', *GRID, 'label = "z"\nkey = "hinges.elbow.neck_mm"\nvalues = [0.4, 0.6, 0.5]')
+    grid = studies.of(
+        'method = "grid"',
+        *GRID,
+        'label = "z"\nkey = "hinges.elbow.neck_mm"\nvalues = [0.4, 0.6, 0.5]',
+    )
     table = table_of(grid, kxx_n_per_mm=np.arange(36.0))
-    cells = cells_of(Source(grid, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
-    neck, thickness = np.round(cells.points[:, 1], 9), cells.points[:, 0]
+    cells = cells_of(
+        Source(grid, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm"
+    )
+    neck = np.round(cells.points[:, 1], 9)
+    thickness = cells.points[:, 0]
     first = cells.values[(neck == 0.4) & (thickness == 8.0)]
-    assert first == 1.0 and cells.values[(neck == 0.4) & (thickness == 10.0)] == 4.0  # of 0 and 2: the second has none
+    assert (
+        first == 1.0 and cells.values[(neck == 0.4) & (thickness == 10.0)] == 4.0
+    )  # of 0 and 2: the second has none
     assert len(cells.values) == 12 and cells.size == 3
 
 
 @pytest.mark.parametrize(
     ("x_better", "y_better", "expected"),
-    [("larger", "larger", 9.0 / 2.0), ("smaller", "larger", 8.0 / 2.0), ("larger", "smaller", 3.0 / 2.0)],
+    [
+        ("larger", "larger", 9.0 / 2.0),
+        ("smaller", "larger", 8.0 / 2.0),
+        ("larger", "smaller", 3.0 / 2.0),
+    ],
 )
 def test_the_gain_is_over_the_base_stage_at_no_less_reach_and_no_larger_envelope(
     studies, monkeypatch: pytest.MonkeyPatch, x_better: str, y_better: str, expected: float
@@ -154,12 +234,18 @@ def test_the_gain_is_over_the_base_stage_at_no_less_reach_and_no_larger_envelope
     )
     neck = table.columns["hinges.base.neck_mm"][5]  # the best cannot be drawn
     drawable = flexfem.study.findings.drawable
-    monkeypatch.setattr(flexfem.study.findings, "drawable", lambda of, v: None if v[0] == neck else drawable(of, v))
+    monkeypatch.setattr(
+        flexfem.study.findings, "drawable", lambda of, v: None if v[0] == neck else drawable(of, v)
+    )
     base = {"range_x_um": 30.0, "kxx_n_per_mm": 2.0, "envelope_mm": 100.0}
     (found,) = found_in(loaded, table, base)
     assert isinstance(found, ParetoFront) and found.gain == pytest.approx(expected, rel=1e-12)
     (beyond,) = found_in(loaded, table, base | {"envelope_mm": 50.0})
-    assert isinstance(beyond, ParetoFront) and beyond.gain is None and facts_of(found)["gain"] == found.gain
+    assert (
+        isinstance(beyond, ParetoFront)
+        and beyond.gain is None
+        and facts_of(found)["gain"] == found.gain
+    )
 
 
 def test_an_open_interval_has_no_end_in_json(studies) -> None:
@@ -171,7 +257,9 @@ def test_an_open_interval_has_no_end_in_json(studies) -> None:
 
 
 def test_shares_are_by_factor_and_first_order_is_not_total(studies) -> None:
-    """u + 2 v + 6 u v of uniform -1/2..1/2: variances 12, 48 and 36 of 96 by hand, the last of both factors."""
+    """u + 2 v + 6 u v of uniform -1/2..1/2: variances 12, 48 and 36 of 96 by hand, the last of both
+    factors.
+    """
     figure = '[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]'
     loaded = studies.of('method = "saltelli"\nbase = 512\nseed = 5', FREE, THICKNESS, tail=figure)
     table = table_of(loaded)
@@ -190,7 +278,11 @@ def test_a_row_of_saltellis_scheme_is_one_draw(studies, monkeypatch) -> None:
     """Two factors: the rows A, A with a column of B twice, and B; the second design has no answer."""
     loaded = studies.of('method = "saltelli"\nbase = 4\nseed = 3', FREE, THICKNESS, tail=SCATTER)
     asked = []
-    monkeypatch.setattr(flexfem.study.findings, "percentiles", lambda values, marked, draws: asked.append(draws) or [])
+    monkeypatch.setattr(
+        flexfem.study.findings,
+        "percentiles",
+        lambda values, marked, draws: asked.append(draws) or [],
+    )
     found_in(loaded, table_of(loaded))
     assert asked[0].tolist() == [0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3]
 
@@ -206,13 +298,17 @@ def test_ranks_have_the_binomial_probability(n: int, percent: float) -> None:
 
 def test_intervals_of_shared_draws_hold_the_true_percentile_as_often_as_they_say() -> None:
     rng = np.random.default_rng(11)
-    draws, hits, repeats = np.repeat(np.arange(150), 5), [], 400
+    draws = np.repeat(np.arange(150), 5)
+    hits = []
+    repeats = 400
     truth = np.sqrt(1.25) * float(norm.ppf(0.9))
     for _ in range(repeats):
         values = np.repeat(rng.normal(size=150), 5) + 0.5 * rng.normal(size=750)
         (found,) = percentiles(values, [90.0], draws)
         hits.append(found.low <= truth <= found.high)
-    assert abs(np.mean(hits) - 0.95) <= 4 * np.sqrt(0.05 * 0.95 / repeats)  # four standard deviations
+    assert abs(np.mean(hits) - 0.95) <= 4 * np.sqrt(
+        0.05 * 0.95 / repeats
+    )  # four standard deviations
 
 
 def test_an_interval_is_open_where_the_sample_is_too_small_for_it() -> None:

@@ -46,9 +46,14 @@ def test_the_front_of_a_million_designs_is_found_among_them() -> None:
 def test_what_cannot_be_drawn_makes_room_for_what_is_behind(
     points: np.ndarray, larger: tuple[bool, bool], data: st.DataObject
 ) -> None:
-    possible = np.array(data.draw(st.lists(st.booleans(), min_size=len(points), max_size=len(points))))
+    possible = np.array(
+        data.draw(st.lists(st.booleans(), min_size=len(points), max_size=len(points)))
+    )
     places, undrawable, unchecked = drawable_front(
-        points, larger, lambda places: [place if possible[place] else None for place in places], 1000
+        points,
+        larger,
+        lambda places: [place if possible[place] else None for place in places],
+        1000,
     )
     left = np.flatnonzero(possible)
     assert set(places) == set(left[non_dominated(points[left], larger)])
@@ -58,7 +63,8 @@ def test_what_cannot_be_drawn_makes_room_for_what_is_behind(
 
 
 def test_when_attempts_run_out_the_rest_is_counted_as_unchecked() -> None:
-    asked, points = [], np.arange(10.0)[:, None] * [1, -1]
+    asked = []
+    points = np.arange(10.0)[:, None] * [1, -1]
 
     def drawn(places: np.ndarray) -> list[int | None]:
         asked.extend(places)
@@ -73,7 +79,11 @@ def test_when_attempts_run_out_the_rest_is_counted_as_unchecked() -> None:
 def test_chosen_designs_lie_equally_far_apart_along_the_front() -> None:
     t = np.linspace(0.0, np.pi / 2, 1001) ** 1.7  # points unevenly along a quarter of a circle
     t *= np.pi / 2 / t[-1]
-    places = spread(np.column_stack([3e6 * np.cos(t), 2e-3 * np.sin(t)]), 4)  # spans count as one, whatever the units
-    np.testing.assert_allclose(t[places], np.linspace(0, np.pi / 2, 4), atol=2e-3)  # the points' own distance
+    places = spread(
+        np.column_stack([3e6 * np.cos(t), 2e-3 * np.sin(t)]), 4
+    )  # spans count as one, whatever the units
+    np.testing.assert_allclose(
+        t[places], np.linspace(0, np.pi / 2, 4), atol=2e-3
+    )  # the points' own distance
     assert list(spread(np.array([[2.0, 0.0], [1.0, 5.0]]), 4)) == [0, 1]
     assert list(spread(np.array([[2.0, 0.0]]), 4)) == [0]

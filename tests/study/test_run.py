@@ -1,4 +1,6 @@
-"""Studies that are run: the same table however the work is split or killed, failures as rows, inputs never mixed."""
+"""Studies that are run: the same table however the work is split or killed, failures as rows,
+inputs never mixed.
+"""
 
 from __future__ import annotations
 
@@ -111,7 +113,8 @@ def table(parts):
 
 def require_same(parts, others, rtol=DENSE):
     """The same rows in the tables of two studies that have run."""
-    found, expected = table(parts), table(others)
+    found = table(parts)
+    expected = table(others)
     assert found.schema == expected.schema
     assert found["status"] == expected["status"] and found["reason"] == expected["reason"]
     for name in parts.loaded.outputs:
@@ -123,7 +126,8 @@ def require_same(parts, others, rtol=DENSE):
 def test_any_split_into_parts_and_shards_gives_the_same_rows(tmp_path_factory, size, shards):
     folder = tmp_path_factory.mktemp("split")
     loaded = load_study(write(folder, designs=97))
-    whole, split = parts_of(loaded, folder / "whole"), parts_of(loaded, folder / "split", size)
+    whole = parts_of(loaded, folder / "whole")
+    split = parts_of(loaded, folder / "split", size)
     run_parts(whole, Here())
     for turn in reversed(range(shards)):
         run_parts(split, Here(), shard=slice(turn, None, shards))
@@ -131,7 +135,8 @@ def test_any_split_into_parts_and_shards_gives_the_same_rows(tmp_path_factory, s
 
 
 def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path):
-    parts, said = parts_of(load_study(study()), tmp_path, 64), []
+    parts = parts_of(load_study(study()), tmp_path, 64)
+    said = []
     run_parts(parts, Here())
     expected = table(parts)
     paths = [parts.path(chunk) for chunk in parts.chunks()]
@@ -140,7 +145,11 @@ def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path
     content[len(content) // 3] ^= 4  # in a page: its checksum tells
     paths[1].write_bytes(content)
     paths[2].write_bytes(b"PAR1 torn")
-    assert [*survey(parts).damaged][-1:] == parts.chunks()[2:3] == [*survey(parts, whole=True).damaged][1:]
+    assert (
+        [*survey(parts).damaged][-1:]
+        == parts.chunks()[2:3]
+        == [*survey(parts, whole=True).damaged][1:]
+    )
     with pytest.raises(BadInput, match="damaged"):
         collect(parts, tmp_path / "t.parquet")
     here = Here()
@@ -154,8 +163,11 @@ def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path
 
 def changed(table, name, value):
     """A table with another value in the last row of a column."""
-    place, values = table.column_names.index(name), table[name].to_pylist()
-    return table.set_column(place, table.field(name), pa.array([*values[:-1], value], table.field(name).type))
+    place = table.column_names.index(name)
+    values = table[name].to_pylist()
+    return table.set_column(
+        place, table.field(name), pa.array([*values[:-1], value], table.field(name).type)
+    )
 
 
 def with_seal(table, content):
@@ -164,26 +176,55 @@ def with_seal(table, content):
 
 
 TAMPERED = {  # the rows of the second part, and those of the first; what is said of the part
-    "rewritten": (lambda rows, _: changed(rows, "kxx_n_per_mm", 1.0), "was changed in kxx_n_per_mm;"),
-    "emptied": (lambda rows, _: changed(rows, "ktt_n_mm_per_rad", None), "was changed in ktt_n_mm_per_rad;"),
+    "rewritten": (
+        lambda rows, _: changed(rows, "kxx_n_per_mm", 1.0),
+        "was changed in kxx_n_per_mm;",
+    ),
+    "emptied": (
+        lambda rows, _: changed(rows, "ktt_n_mm_per_rad", None),
+        "was changed in ktt_n_mm_per_rad;",
+    ),
     "renamed": (lambda rows, _: changed(rows, "status", "refused"), "was changed in status;"),
-    "swapped": (lambda rows, _: rows.take([1, 0, *range(2, 64)]), "in design, override.1.base.neck_mm, override.1."),
-    "doubled": (lambda rows, _: pa.concat_tables([rows, rows.slice(60)]), "a part with 68 rows, expected 64"),
-    "replaced": (lambda rows, _: pa.concat_tables([rows.slice(0, 63), rows.slice(62, 1)]), "was changed in design, "),
+    "swapped": (
+        lambda rows, _: rows.take([1, 0, *range(2, 64)]),
+        "in design, override.1.base.neck_mm, override.1.",
+    ),
+    "doubled": (
+        lambda rows, _: pa.concat_tables([rows, rows.slice(60)]),
+        "a part with 68 rows, expected 64",
+    ),
+    "replaced": (
+        lambda rows, _: pa.concat_tables([rows.slice(0, 63), rows.slice(62, 1)]),
+        "was changed in design, ",
+    ),
     "missing": (lambda rows, _: rows.slice(0, 3), "a part with 3 rows, expected 64"),
-    "neighbour": (lambda _, before: before, "a part of the designs from 0 up to 64, expected those from 64 up to 128"),
+    "neighbour": (
+        lambda _, before: before,
+        "a part of the designs from 0 up to 64, expected those from 64 up to 128",
+    ),
     "neighbour's rows": (
-        lambda rows, before: before.replace_schema_metadata(rows.schema.metadata), "was changed in design, "),
-    "without metadata": (lambda rows, _: rows.replace_schema_metadata(None), "a part without a seal"),
-    "one column less": (lambda rows, _: rows.drop_columns("coupling_xy"), "a part with other columns"),
+        lambda rows, before: before.replace_schema_metadata(rows.schema.metadata),
+        "was changed in design, ",
+    ),
+    "without metadata": (
+        lambda rows, _: rows.replace_schema_metadata(None),
+        "a part without a seal",
+    ),
+    "one column less": (
+        lambda rows, _: rows.drop_columns("coupling_xy"),
+        "a part with other columns",
+    ),
     "unreadable seal": (lambda rows, _: with_seal(rows, b"[1"), "a part without a seal"),
     "seal of no table": (lambda rows, _: with_seal(rows, b"[1]"), "a part without a seal"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("tampered", TAMPERED)
-def test_a_part_whose_rows_are_not_those_that_were_written_is_named_and_computed_again(study, tmp_path, tampered):
-    parts, said = parts_of(load_study(study(designs=150)), tmp_path, 64), []
+def test_a_part_whose_rows_are_not_those_that_were_written_is_named_and_computed_again(
+    study, tmp_path, tampered
+):
+    parts = parts_of(load_study(study(designs=150)), tmp_path, 64)
+    said = []
     run_parts(parts, Here(), strange.plain)
     expected = table(parts)
     before, path = (parts.path(chunk) for chunk in parts.chunks()[:2])
@@ -193,11 +234,18 @@ def test_a_part_whose_rows_are_not_those_that_were_written_is_named_and_computed
         collect(parts, tmp_path / "t.parquet", partial=True)
     text = str(refused.value)
     assert text.startswith(f"{path}: ") and fault in text and "\n" not in text
-    assert text.endswith("; flexfem study run computes these designs again") and not (tmp_path / "t.parquet").exists()
+    assert (
+        text.endswith("; flexfem study run computes these designs again")
+        and not (tmp_path / "t.parquet").exists()
+    )
     here = Here()
     run_parts(parts, here, strange.plain, say=said.append)
     assert sorted(here.asked) == [*range(64, 128)]
-    assert said[0].startswith(f"{path}: ") and fault in said[0] and said[0].endswith("; computed again")
+    assert (
+        said[0].startswith(f"{path}: ")
+        and fault in said[0]
+        and said[0].endswith("; computed again")
+    )
     assert table(parts).equals(expected)
 
 
@@ -238,7 +286,8 @@ def test_a_part_that_another_run_has_left_damaged_is_computed(study, tmp_path):
 
 def test_no_thread_of_arrow_waits_for_python_to_read_a_table(study, tmp_path, monkeypatch):
     """One that does so while the process ends aborts it, with exit code 134."""
-    parts, threads = parts_of(load_study(study(designs=40)), tmp_path), set[int]()
+    parts = parts_of(load_study(study(designs=40)), tmp_path)
+    threads = set[int]()
     run_parts(parts, Here())
     path = collect(parts, tmp_path / "t.parquet").path
 
@@ -248,25 +297,38 @@ def test_no_thread_of_arrow_waits_for_python_to_read_a_table(study, tmp_path, mo
             return super().read(*size)
 
     monkeypatch.setattr(Path, "open", lambda self, mode: Watched(self))
-    assert len(read_part(parts, range(40))) == len(read_table(path).columns["kxx_n_per_mm"]) == len(table_of(path))
+    assert (
+        len(read_part(parts, range(40)))
+        == len(read_table(path).columns["kxx_n_per_mm"])
+        == len(table_of(path))
+    )
     assert threads == {threading.get_ident()}
 
 
-def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_those_alone(study, tmp_path, monkeypatch):
-    first, said = parts_of(load_study(study()), tmp_path, 64), []
+def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_those_alone(
+    study, tmp_path, monkeypatch
+):
+    first = parts_of(load_study(study()), tmp_path, 64)
+    said = []
     run_parts(first, Here())
     other = parts_of(load_study(study(edit=("sd = 0.05", "sd = 0.04"))), tmp_path, 64)
-    with pytest.raises(BadInput, match=r"no designs are finished\. Run.*5 parts there belong to other inputs"):
+    with pytest.raises(
+        BadInput, match=r"no designs are finished\. Run.*5 parts there belong to other inputs"
+    ):
         collect(other, tmp_path / "t.parquet")
     here = Here()
     run_parts(other, here, say=said.append)
     assert len(here.asked) == 300 and "5 parts of other inputs or versions" in said[0]
     again = Here()
-    run_parts(parts_of(load_study(study()), tmp_path, 64), again)  # the first inputs find their own parts
+    run_parts(
+        parts_of(load_study(study()), tmp_path, 64), again
+    )  # the first inputs find their own parts
     assert again.asked == []
     monkeypatch.setattr("flexfem.study.run.versions_of", lambda: {"flexfem": "9.9"})
     newer = parts_of(load_study(study()), tmp_path, 64)
-    assert not {newer.path(chunk) for chunk in newer.chunks()} & {first.path(chunk) for chunk in first.chunks()}
+    assert not {newer.path(chunk) for chunk in newer.chunks()} & {
+        first.path(chunk) for chunk in first.chunks()
+    }
     monkeypatch.undo()
     stranger = first.folder / "notes.parquet"
     stranger.write_text("mine")
@@ -278,18 +340,26 @@ def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_thos
 def test_versions_are_those_of_all_that_decides_results(monkeypatch):
     monkeypatch.setattr(worker_module, "own_hash", lambda: "ab" * 32)
     own = dict(versions_of.__wrapped__())
-    assert {"flexfem", "numpy", "scipy", "gmsh", "scikit-fem", "sources"} < set(own) and own["with"] == "ab" * 8
+    assert {"flexfem", "numpy", "scipy", "gmsh", "scikit-fem", "sources"} < set(own) and own[
+        "with"
+    ] == "ab" * 8
     monkeypatch.undo()
     require_same_versions(versions_of())
-    with pytest.raises(BadInput, match=r"a worker has numpy .*, the runner 1.0, expected the same versions everywhere"):
+    with pytest.raises(
+        BadInput,
+        match=r"a worker has numpy .*, the runner 1.0, expected the same versions everywhere",
+    ):
         require_same_versions(dict(versions_of()) | {"numpy": "1.0"})
 
 
-@pytest.mark.parametrize(("method", "kept"), [("sobol", 100), ("monte_carlo", 100), ("latin_hypercube", 0)])
+@pytest.mark.parametrize(
+    ("method", "kept"), [("sobol", 100), ("monte_carlo", 100), ("latin_hypercube", 0)]
+)
 def test_a_larger_sample_computes_only_what_is_new(study, tmp_path, method, kept):
     """All of a Latin hypercube, which begins otherwise."""
     for designs in (100, 170):
-        here, parts = Here(), parts_of(load_study(study(designs=designs, edit=("sobol", method))), tmp_path, 20)
+        here = Here()
+        parts = parts_of(load_study(study(designs=designs, edit=("sobol", method))), tmp_path, 20)
         run_parts(parts, here)
     assert sorted(here.asked) == [*range(kept, 170)] and len(table(parts)) == 170
 
@@ -299,8 +369,12 @@ def test_a_design_that_raises_an_error_is_a_row_and_retry_tries_it_again(study, 
     run_parts(parts, Here(), strange.raising)
     rows = table(parts).to_pylist()
     assert [row["design"] for row in rows if row["status"] != "ok"] == [20, 21]
-    assert rows[20]["reason"] == "ValueError: a bug in two lines" and rows[20]["kxx_n_per_mm"] is None
-    assert rows[21]["status"] == "failed" and rows[21]["reason"].startswith("mesh has a scaled Jacobian = 0.01")
+    assert (
+        rows[20]["reason"] == "ValueError: a bug in two lines" and rows[20]["kxx_n_per_mm"] is None
+    )
+    assert rows[21]["status"] == "failed" and rows[21]["reason"].startswith(
+        "mesh has a scaled Jacobian = 0.01"
+    )
     assert rows[22]["kxx_n_per_mm"] == 22.0
     reasons = {"ValueError: a bug in two lines": 1, "mesh has a scaled Jacobian": 1}
     assert status_facts(parts)["reasons"] == {"failed": reasons}
@@ -311,38 +385,67 @@ def test_a_design_that_raises_an_error_is_a_row_and_retry_tries_it_again(study, 
     assert here.asked == [*range(16, 32)] and status_facts(parts)["ok"] == 64
 
 
-@pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "1/0", "-1/2", "1/2/3", "", "\uff11/2", "1/9999999"])
+@pytest.mark.parametrize(
+    "text", ["0/2", "3/2", "1", "a/b", "1/0", "-1/2", "1/2/3", "", "\uff11/2", "1/9999999"]
+)
 def test_bad_shards_are_refused(text):
     with pytest.raises(BadInput, match="--shard"):
         shard_of(text)
 
 
 def test_commands_run_count_and_collect(flexfem, study):
-    path = study(edit=("[sampling]", '[[output]]\nname = "half"\nexpression = "kxx_n_per_mm / 2"\n[sampling]'))
+    path = study(
+        edit=(
+            "[sampling]",
+            '[[output]]\nname = "half"\nexpression = "kxx_n_per_mm / 2"\n[sampling]',
+        )
+    )
     code, out, _ = flexfem("study", "status", path, "--json")
     assert (code, json.loads(out)["open"]) == (0, 300)
     code, _, err = flexfem("study", "status", ".")
     assert code == 2 and "no study has run in this folder" in err and err.count("\n") == 1
     code, _, err = flexfem("study", "collect", path)
-    assert code == 2 and "no designs are finished. Run `flexfem study run`" in err and err.count("\n") == 1
-    for arguments, said in ((["run", "--shard", "3/2"], "--shard 3/2"), (["collect", "--to", "t.xlsx"], "ends in")):
+    assert (
+        code == 2
+        and "no designs are finished. Run `flexfem study run`" in err
+        and err.count("\n") == 1
+    )
+    for arguments, said in (
+        (["run", "--shard", "3/2"], "--shard 3/2"),
+        (["collect", "--to", "t.xlsx"], "ends in"),
+    ):
         code, out, err = flexfem("study", arguments[0], path, *arguments[1:])
-        assert (code, out, err.count("\n")) == (2, "", 1) and said in err and not Path("reports").exists()
+        assert (
+            (code, out, err.count("\n")) == (2, "", 1)
+            and said in err
+            and not Path("reports").exists()
+        )
     Path("reports").write_text("a file")
     code, out, err = flexfem("study", "run", path, "--workers", 1)
     assert (code, out, err.count("\n")) == (2, "", 1) and "reports" in err
     Path("reports").unlink()
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--shard", "2/2", "--json")
     about = json.loads(out)
-    assert (code, about["designs"], about["open_elsewhere"]) == (0, 0, 300)  # one part, which is the other shard's
+    assert (code, about["designs"], about["open_elsewhere"]) == (
+        0,
+        0,
+        300,
+    )  # one part, which is the other shard's
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--json")
     facts = json.loads(out)
     assert (facts["open"], facts["done"], facts["next"]) == (0, 300, f"flexfem study plot {path}")
-    for folder in ("reports/necks", "reports/necks/parts/..", "reports/necks/parts"):  # instead of the file
+    for folder in (
+        "reports/necks",
+        "reports/necks/parts/..",
+        "reports/necks/parts",
+    ):  # instead of the file
         code, out, _ = flexfem("study", "status", folder, "--json")
         assert (code, json.loads(out)["done"]) == (0, 300)
     code, out, _ = flexfem("study", "run", "reports/necks", "--json")
-    assert (code, json.loads(out)["next"].rsplit(" ", 1)[0]) == (0, "flexfem study plot") and not Path("necks").exists()
+    assert (code, json.loads(out)["next"].rsplit(" ", 1)[0]) == (
+        0,
+        "flexfem study plot",
+    ) and not Path("necks").exists()
     code, out, _ = flexfem("study", "collect", "reports/necks", "--to", "same.csv", "--json")
     assert json.loads(out) == {"written": ["same.csv"], "designs": 300, "open": 0}
     Path("reports/other").mkdir()
@@ -372,9 +475,12 @@ def test_a_partial_table_lacks_the_open_designs_only(study, tmp_path):
     assert pq.read_table(made.path)["design"].to_pylist() == [*range(64, 128), *range(192, 256)]
 
 
-def test_workers_of_which_one_is_killed_from_outside_give_the_table_of_one_process(study, workers, tmp_path):
+def test_workers_of_which_one_is_killed_from_outside_give_the_table_of_one_process(
+    study, workers, tmp_path
+):
     loaded = load_study(study(designs=60))
-    here, there = parts_of(loaded, tmp_path / "here", 4), parts_of(loaded, tmp_path / "there", 4)
+    here = parts_of(loaded, tmp_path / "here", 4)
+    there = parts_of(loaded, tmp_path / "there", 4)
     run_parts(here, Here())
     run_parts(there, workers, strange.once)
     assert (tmp_path / "killed").exists()
@@ -388,14 +494,24 @@ def test_workers_that_cannot_begin_fail_in_one_line(study, tmp_path, monkeypatch
 
 
 @pytest.mark.slow
-def test_hanging_and_crashing_designs_are_named_and_cost_no_other(study, workers, tmp_path, monkeypatch):
+def test_hanging_and_crashing_designs_are_named_and_cost_no_other(
+    study, workers, tmp_path, monkeypatch
+):
     monkeypatch.setattr("flexfem.study.run.SLACK", 1.0)
-    loaded = load_study(study("fe", designs=32, edit=("[sampling]", "time_limit_s = 12\n[sampling]")))
+    loaded = load_study(
+        study("fe", designs=32, edit=("[sampling]", "time_limit_s = 12\n[sampling]"))
+    )
     parts = parts_of(loaded, tmp_path, 2)
     run_parts(parts, workers, strange.strange)
     rows = table(parts).to_pylist()
     bad = {row["design"]: (row["status"], row["reason"]) for row in rows if row["status"] != "ok"}
-    assert [*bad] == [strange.HANGS, strange.KILLED, strange.SEGMENTATION, strange.RAISES, strange.FAILS]
+    assert [*bad] == [
+        strange.HANGS,
+        strange.KILLED,
+        strange.SEGMENTATION,
+        strange.RAISES,
+        strange.FAILS,
+    ]
     assert bad[strange.HANGS] == ("time limit", "no result in 13 s")
     assert bad[strange.KILLED] == bad[strange.SEGMENTATION] == ("crashed", "the worker died")
     assert all(row["kxx_n_per_mm"] == row["design"] for row in rows if row["status"] == "ok")
@@ -417,8 +533,12 @@ with Workers(2) as pool:
 
 
 def start(path, output):
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])}
-    command, pipes = [sys.executable, "-c", RUN, str(path), str(output)], {"stdout": -1, "stderr": -1}
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)]),
+    }
+    command = [sys.executable, "-c", RUN, str(path), str(output)]
+    pipes = {"stdout": -1, "stderr": -1}
     return subprocess.Popen(command, text=True, env=environment, **pipes)
 
 
@@ -431,7 +551,8 @@ def until(condition, seconds=60.0):
 
 @pytest.mark.slow
 def test_killed_at_random_moments_the_table_is_that_of_an_uninterrupted_run(study, tmp_path):
-    path, draw = study(designs=600), random.Random(5)
+    path = study(designs=600)
+    draw = random.Random(5)
     whole, parts = (parts_of(load_study(path), tmp_path / name, 16) for name in ("whole", "killed"))
     run_parts(whole, Here())
     for _ in range(4):
@@ -445,11 +566,15 @@ def test_killed_at_random_moments_the_table_is_that_of_an_uninterrupted_run(stud
         runner.kill()
         runner.communicate()
         psutil.wait_procs(left, 10.0)
-        assert not [child for child in left if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+        assert not [
+            child for child in left if child.is_running() and child.status() != psutil.STATUS_ZOMBIE
+        ]
     done = survey(parts, whole=True)
     assert 0 < done.total.total() < 600 and done.damaged == {}
     out, err = start(path, tmp_path / "killed").communicate(timeout=120)
-    assert int(out.split()[-1]) == done.total.total(), err  # nothing that was there is computed again
+    assert int(out.split()[-1]) == done.total.total(), (
+        err
+    )  # nothing that was there is computed again
     require_same(parts, whole)
 
 
@@ -457,9 +582,24 @@ def test_killed_at_random_moments_the_table_is_that_of_an_uninterrupted_run(stud
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_stop_ends_soon_with_one_line_and_leaves_no_process(study, tmp_path, number):
     path = study("fe", designs=200)
-    command = [sys.executable, "-m", "flexfem", "study", "run", str(path), "-o", str(tmp_path), "--workers", "2"]
+    command = [
+        sys.executable,
+        "-m",
+        "flexfem",
+        "study",
+        "run",
+        str(path),
+        "-o",
+        str(tmp_path),
+        "--workers",
+        "2",
+    ]
     runner = subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, start_new_session=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
     )
     until(lambda: list((tmp_path / "necks").glob("parts/part-*")))
     left = psutil.Process(runner.pid).children(recursive=True)
@@ -468,6 +608,8 @@ def test_a_stop_ends_soon_with_one_line_and_leaves_no_process(study, tmp_path, n
     _, err = runner.communicate(timeout=30)
     assert time.monotonic() - began < 8 and runner.returncode == 128 + number
     *before, last = err.splitlines()
-    assert "of 200 designs are kept in" in last and all(line.startswith("study: ") for line in before), err
+    assert "of 200 designs are kept in" in last and all(
+        line.startswith("study: ") for line in before
+    ), err
     _, alive = psutil.wait_procs(left, 10.0)
     assert alive == []

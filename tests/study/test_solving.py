@@ -1,4 +1,6 @@
-"""A design by finite elements: every column against the ordinary path, and against the other witness where there is."""
+"""A design by finite elements: every column against the ordinary path, and against the other
+witness where there is.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,16 @@ from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band, s
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, solved_values
-from flexfem.study.columns import BANDS, COUPLINGS, CROSSES, ERRORS, RANGES, STIFFNESSES, STRESSES, TRAVELS
+from flexfem.study.columns import (
+    BANDS,
+    COUPLINGS,
+    CROSSES,
+    ERRORS,
+    RANGES,
+    STIFFNESSES,
+    STRESSES,
+    TRAVELS,
+)
 from flexfem.study.loaded import LoadedStudy
 
 from ..tolerances import SOLVED
@@ -46,7 +57,9 @@ def stage(request: pytest.FixtureRequest, studies: Any) -> Stage:
     return base if request.param == "different" else base.model_copy(update={"override": ()})
 
 
-def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(stage: Stage, studies: Any) -> None:
+def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(
+    stage: Stage, studies: Any
+) -> None:
     found = columns(studies.of(*ONE, head='model = "fe"'), stage)
     slow = solve_stage(stage, 4)
     K = np.linalg.inv(slow.compliance)
@@ -56,16 +69,27 @@ def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(stage: Stage,
     coupling = (K / np.outer(size, size))[[0, 0, 1], [1, 2, 2]]
     np.testing.assert_allclose(of(found, COUPLINGS), coupling, rtol=0, atol=MESHES / 10)
     unit = size[[0, 0, 1]] * size[[1, 2, 2]]
-    np.testing.assert_allclose(of(found, STIFFNESSES[3:]) / unit, coupling, rtol=0, atol=MESHES / 10)
+    np.testing.assert_allclose(
+        of(found, STIFFNESSES[3:]) / unit, coupling, rtol=0, atol=MESHES / 10
+    )
     fields = slow.under(K.T).nodal
-    stress = [neck_maxima(stage, slow.mesh, plane_stress(stage, slow.mesh, field)).max() for field in fields]
+    stress = [
+        neck_maxima(stage, slow.mesh, plane_stress(stage, slow.mesh, field)).max()
+        for field in fields
+    ]
     np.testing.assert_allclose(of(found, STRESSES), 1e-3 * np.array(stress), rtol=STRESS)
-    np.testing.assert_allclose(of(found, RANGES) * of(found, STRESSES), stage.material.yield_strength, rtol=SOLVED)
+    np.testing.assert_allclose(
+        of(found, RANGES) * of(found, STRESSES), stage.material.yield_strength, rtol=SOLVED
+    )
     assert found["envelope_mm"] == pytest.approx(2 * np.hypot(*slow.mesh.nodes.T).max(), rel=1e-6)
 
 
-def test_travel_agrees_with_the_analytic_rotation_of_the_base_hinges(stage: Stage, studies: Any) -> None:
-    """The hinges' own compliances in both; at the travel the first base hinge has turned by stroke over lever arm."""
+def test_travel_agrees_with_the_analytic_rotation_of_the_base_hinges(
+    stage: Stage, studies: Any
+) -> None:
+    """The hinges' own compliances in both; at the travel the first base hinge has turned by stroke
+    over lever arm.
+    """
     found = columns(studies.of(*ONE, head='model = "fe"', tail=DRIVE), stage)
     head = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\nlinks = true'
     beside = replace(studies.of(*ONE, head=head, tail=DRIVE), base=stage)
@@ -76,21 +100,29 @@ def test_travel_agrees_with_the_analytic_rotation_of_the_base_hinges(stage: Stag
 def test_errors_are_those_of_the_protocol(stage: Stage, studies: Any) -> None:
     head = 'model = "verify"\nmobility = 6\nformula = "paros-weisbord"\nbands = false'
     found = columns(studies.of(*ONE, head=head), stage)
-    K, C = analyse(stage, 6, "paros-weisbord").stiffness, solve_stage(stage, 4).compliance
+    K = analyse(stage, 6, "paros-weisbord").stiffness
+    C = solve_stage(stage, 4).compliance
     for k in range(3):
         percent = error_matrix(K, C, stage.chain.link_lengths[2])[:, k]
         assert found[ERRORS[k]] == pytest.approx(percent[k], abs=100 * MESHES)
-        assert found[CROSSES[k]] == pytest.approx(np.abs(np.delete(percent, k)).max(), abs=100 * MESHES)
+        assert found[CROSSES[k]] == pytest.approx(
+            np.abs(np.delete(percent, k)).max(), abs=100 * MESHES
+        )
     assert not set(BANDS) & set(found)
 
 
-def test_a_band_is_never_less_than_that_of_grid_convergence_and_of_two_meshes_thrice_roaches_index() -> None:
+def test_a_band_is_never_less_than_that_of_grid_convergence_and_of_two_meshes_thrice_roaches_index() -> (
+    None
+):
     resolutions = np.array([2.0, 3.0, 4.0])
-    steep, noisy = 1 + resolutions**-5.5, np.array([1.0, 1.3, 1.1])
+    steep = 1 + resolutions**-5.5
+    noisy = np.array([1.0, 1.3, 1.1])
     for values in (steep, noisy):
         assert mesh_band(resolutions, values) >= grid_convergence(resolutions, values).band
     assert mesh_band(resolutions, steep) > 1.2 * grid_convergence(resolutions, steep).band
-    assert mesh_band(np.array([3.0, 4.0]), np.array([7.0, 7.2])) == pytest.approx(3 * 0.2 / ((4 / 3) ** 4 - 1))
+    assert mesh_band(np.array([3.0, 4.0]), np.array([7.0, 7.2])) == pytest.approx(
+        3 * 0.2 / ((4 / 3) ** 4 - 1)
+    )
 
 
 def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
@@ -112,7 +144,10 @@ def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
 
 def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Good, impossible by a number, impossible to draw, not meshed, out of time."""
-    loaded = studies.of(*(ONE[0], 'key = "hinges.base.neck_mm"\nvalues = [0.5, 12.0, 0.6, 0.7]'), head='model = "fe"')
+    loaded = studies.of(
+        *(ONE[0], 'key = "hinges.base.neck_mm"\nvalues = [0.5, 12.0, 0.6, 0.7]'),
+        head='model = "fe"',
+    )
 
     def meshed_once(job: Any) -> Any:
         if any(abs(grading.size - 0.7 / 4) < 1e-12 for grading in job.gradings):
@@ -121,10 +156,16 @@ def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch)
             raise ComputationFailed("no mesh")
         return mesh_faces(job)
 
-    monkeypatch.setattr(flexfem.fem.stage_mesh, "run_jobs", lambda jobs, limit: [meshed_once(job) for job in jobs])
+    monkeypatch.setattr(
+        flexfem.fem.stage_mesh, "run_jobs", lambda jobs, limit: [meshed_once(job) for job in jobs]
+    )
     rows = answer(loaded, 0, 4)
     assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]
-    assert rows.reason[0] == "" and rows.reason[1].startswith("hinges.base.neck_mm = 12") and all(rows.reason[2:])
+    assert (
+        rows.reason[0] == ""
+        and rows.reason[1].startswith("hinges.base.neck_mm = 12")
+        and all(rows.reason[2:])
+    )
     assert np.isfinite(rows.values[0]).all() and np.isnan(rows.values[1:]).all()
 
 
@@ -140,22 +181,28 @@ def test_a_formula_off_its_chart_refuses_the_design(stage: Stage, studies: Any) 
 
 
 @pytest.mark.parametrize(
-    ("head", "model"), [('model = "analytic"\nmobility = 21', "analytic"), ('model = "fe"', "finite elements")]
+    ("head", "model"),
+    [('model = "analytic"\nmobility = 21', "analytic"), ('model = "fe"', "finite elements")],
 )
-def test_a_study_asks_any_number_of_a_question_by_its_path(studies: Any, head: str, model: str) -> None:
+def test_a_study_asks_any_number_of_a_question_by_its_path(
+    studies: Any, head: str, model: str
+) -> None:
     path = f"stiffness.compliance.{model.replace(' ', '_')}.x.x"
     rows = answer(studies.of(*ONE, head=f'{head}\nask = ["{path}"]'), 0, 1)
     K = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])
     assert rows.values[0, -1] == pytest.approx(np.linalg.inv(rows.values[0][K])[0, 0], rel=1e-6)
     refused = answer(studies.of(*ONE, head=f'{head}\nask = ["stiffness.nothing"]'), 0, 1)
-    assert refused.status[0] == "refused" and "ask: no number stiffness.nothing" in refused.reason[0]
+    assert (
+        refused.status[0] == "refused" and "ask: no number stiffness.nothing" in refused.reason[0]
+    )
     with pytest.raises(BadInput, match=r"question\.quantity\.labels"):
         studies.of(*ONE, head=f'{head}\nask = ["kxx"]')
 
 
 def test_three_dimensions_are_those_of_the_stage(studies: Any) -> None:
     loaded = studies.of(*ONE, head='model = "three_dimensional"\nthickness_resolution = 1')
-    found, stage = columns(loaded, loaded.stage), loaded.stage
+    found = columns(loaded, loaded.stage)
+    stage = loaded.stage
     response = solve_solid(stage, 4, 1)
     K = np.linalg.inv(response.compliance)
     highest = neck_stresses(stage, response, K).highest.max(axis=(1, 2))
@@ -165,4 +212,6 @@ def test_three_dimensions_are_those_of_the_stage(studies: Any) -> None:
     plane = unit_response(response.sectors, plate_of(stage))
     turning = np.abs(np.linalg.inv(plane.compliance) @ base_rotations(stage, plane)).max(axis=1)
     solid = np.abs(K @ base_rotations(stage, response)).max(axis=1)
-    np.testing.assert_allclose(solid, turning, rtol=0.01)  # per displacement, geometry alone decides
+    np.testing.assert_allclose(
+        solid, turning, rtol=0.01
+    )  # per displacement, geometry alone decides

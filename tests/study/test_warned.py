@@ -1,4 +1,6 @@
-"""What a study says of its answers: a formula out of its range, a factor that nothing requested depends on."""
+"""What a study says of its answers: a formula out of its range, a factor that nothing requested
+depends on.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,19 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
     assert set(answer(loaded, 0, 200).reason) == {""}
     stage = studies.folder / "stage.toml"
     symmetric = stage.read_text().split("[[override]]")[0]
-    stage.write_text(symmetric.replace("neck_mm = 0.47", "neck_mm = 0.11").replace("neck_mm = 0.61", "neck_mm = 0.12"))
-    loaded = studies.of(FEW, NECK, head=SHORT, tail=f"{KXX}\n{KXX.replace('kxx_n_per_mm', 'coupling_xy')}")
-    rows, beyond = answer(loaded, 0, 200), sample(loaded, 0, 200)[:, 0] / 3.9 > 0.1
-    assert 100 < beyond.sum() < 190 and set(rows.status) == {"ok"} and np.isfinite(rows.values).all()
+    stage.write_text(
+        symmetric.replace("neck_mm = 0.47", "neck_mm = 0.11").replace(
+            "neck_mm = 0.61", "neck_mm = 0.12"
+        )
+    )
+    loaded = studies.of(
+        FEW, NECK, head=SHORT, tail=f"{KXX}\n{KXX.replace('kxx_n_per_mm', 'coupling_xy')}"
+    )
+    rows = answer(loaded, 0, 200)
+    beyond = sample(loaded, 0, 200)[:, 0] / 3.9 > 0.1
+    assert (
+        100 < beyond.sum() < 190 and set(rows.status) == {"ok"} and np.isfinite(rows.values).all()
+    )
     said = "hinge formula paros-weisbord-short outside its range of t/R"
     assert list(rows.reason) == [said if out else "" for out in beyond]
     parts = parts_of(loaded, studies.folder / "out")
@@ -39,7 +50,9 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
     facts = plot_study(loaded.path, studies.folder / "out")
     assert facts.failed  # by the figure that is refused; the other is drawn
     assert len(facts["written"]) == 3 and "study-sensitivity-2" not in "".join(facts["written"])
-    assert facts["warnings"] == warnings and f"warning: {warnings[0]}\nstudy-sensitivity-2 is not drawn" in str(facts)
+    assert facts[
+        "warnings"
+    ] == warnings and f"warning: {warnings[0]}\nstudy-sensitivity-2 is not drawn" in str(facts)
     (row,) = facts["findings"]["study-sensitivity"]["rows"]
     assert "total" not in row and row["first"] == pytest.approx(1.0, abs=0.1)
     assert "no factor changes it" in facts["findings"]["study-sensitivity-2"]["refused"]
@@ -49,7 +62,10 @@ WIDTH = 'label = "w"\nkey = "chain.link_width_mm"\nfrom = 8.8\nto = 9.4'
 STRENGTH = 'key = "material.yield_strength_mpa"\nfrom = 300.0\nto = 500.0'
 SUM = f'[[output]]\nname = "d"\nexpression = "range_x_um + envelope_mm"\n{KXX.replace("kxx_n_per_mm", "d")}'
 RANGE = '[[constraint]]\nvalue = "range_x_um"\nleast = 1'
-OF_STRENGTH = "factor material.yield_strength_mpa changes none of kxx_n_per_mm; it changes range_x_um, range_y_um"
+OF_STRENGTH = (
+    "factor material.yield_strength_mpa changes none of kxx_n_per_mm; it changes range_x_um, "
+    "range_y_um"
+)
 
 
 @pytest.mark.parametrize(
@@ -63,20 +79,40 @@ OF_STRENGTH = "factor material.yield_strength_mpa changes none of kxx_n_per_mm; 
         ('model = "fe"', KXX, [OF_STRENGTH]),  # wider links are stiffer
         ('model = "analytic"', "", []),  # some output depends on each
         ('model = "analytic"', SUM, []),
-        ('model = "analytic"', f"{KXX}\n{RANGE}", ["factor w changes none of kxx_n_per_mm, range_x_um"]),
-        ('model = "analytic"', f'{KXX}\n[[constraint]]\nvalue = "kxx_n_per_mm / w"\nleast = 1', [OF_STRENGTH]),
+        (
+            'model = "analytic"',
+            f"{KXX}\n{RANGE}",
+            ["factor w changes none of kxx_n_per_mm, range_x_um"],
+        ),
+        (
+            'model = "analytic"',
+            f'{KXX}\n[[constraint]]\nvalue = "kxx_n_per_mm / w"\nleast = 1',
+            [OF_STRENGTH],
+        ),
     ],
 )
-def test_a_factor_that_changes_no_requested_number_is_named(studies, head: str, tail: str, said: list[str]) -> None:
+def test_a_factor_that_changes_no_requested_number_is_named(
+    studies, head: str, tail: str, said: list[str]
+) -> None:
     loaded = studies.of(FEW, NECK, WIDTH, STRENGTH, head=head, tail=tail)
     found = factor_warnings(loaded, changed_outputs(loaded))
-    assert len(found) == len(said) and all(one.startswith(text) for text, one in zip(said, found, strict=True)), found
+    assert len(found) == len(said) and all(
+        one.startswith(text) for text, one in zip(said, found, strict=True)
+    ), found
 
 
-def test_the_warning_about_a_factor_is_stored_by_a_run_and_follows_the_figures(studies, tmp_path) -> None:
+def test_the_warning_about_a_factor_is_stored_by_a_run_and_follows_the_figures(
+    studies, tmp_path
+) -> None:
     loaded = studies.of(FEW, NECK, WIDTH, tail=KXX)
-    assert any("factor w changes none of" in text for text in run_study(loaded.path, tmp_path, workers=1)["warnings"])
-    assert any("factor w changes none of" in text for text in study_status(loaded.path, tmp_path)["warnings"])
+    assert any(
+        "factor w changes none of" in text
+        for text in run_study(loaded.path, tmp_path, workers=1)["warnings"]
+    )
+    assert any(
+        "factor w changes none of" in text
+        for text in study_status(loaded.path, tmp_path)["warnings"]
+    )
     studies.of(FEW, NECK, WIDTH, tail=KXX.replace("kxx_n_per_mm", "envelope_mm"))
     assert not any("factor w" in text for text in study_status(loaded.path, tmp_path)["warnings"])
 
@@ -89,9 +125,15 @@ def test_a_factor_that_a_table_of_designs_never_varies_is_not_named(studies) -> 
     assert factor_warnings(loaded, changed_outputs(loaded)) == []
 
 
-def test_a_parameter_that_a_mechanism_does_not_use_is_named_in_studies_of_both_models(tmp_path) -> None:
+def test_a_parameter_that_a_mechanism_does_not_use_is_named_in_studies_of_both_models(
+    tmp_path,
+) -> None:
     flexfem.new_stage(tmp_path / "guide.toml", kind="parallelogram")
-    text = (tmp_path / "guide.toml").read_text().replace("[parameters]\n", "[parameters]\nunused_mm = 3.0\n")
+    text = (
+        (tmp_path / "guide.toml")
+        .read_text()
+        .replace("[parameters]\n", "[parameters]\nunused_mm = 3.0\n")
+    )
     (tmp_path / "guide.toml").write_text(text)
     for model, label in (("analytic", "analytic"), ("fe", "three_dimensions")):
         (tmp_path / "s.toml").write_text(
@@ -102,10 +144,14 @@ def test_a_parameter_that_a_mechanism_does_not_use_is_named_in_studies_of_both_m
         )
         loaded = load_study(tmp_path / "s.toml")
         (said,) = factor_warnings(loaded, changed_outputs(loaded))
-        assert said.startswith(f"factor parameters.unused_mm changes none of stiffness.free.{label}.x")
+        assert said.startswith(
+            f"factor parameters.unused_mm changes none of stiffness.free.{label}.x"
+        )
 
 
-def test_a_study_of_numbers_at_rest_follows_no_range_and_one_of_ranges_does(tmp_path, monkeypatch) -> None:
+def test_a_study_of_numbers_at_rest_follows_no_range_and_one_of_ranges_does(
+    tmp_path, monkeypatch
+) -> None:
     """The range of a design takes 30 times as long as its stiffness."""
     flexfem.new_stage(tmp_path / "guide.toml", kind="parallelogram")
     text = """name = "leaves"
@@ -128,4 +174,6 @@ to = 0.6
     assert found["range"].shape[1] > found["rest"].shape[1]
     np.testing.assert_array_equal(found["range"][:, : found["rest"].shape[1]], found["rest"])
     monkeypatch.setattr("flexfem.questions.ranges.DrivenPlate", None)
-    np.testing.assert_array_equal(answer(load_study(tmp_path / "rest.toml"), 0, 2).values, found["rest"])
+    np.testing.assert_array_equal(
+        answer(load_study(tmp_path / "rest.toml"), 0, 2).values, found["rest"]
+    )

@@ -15,7 +15,9 @@ from flexfem.fem.mesher import FaceMesh, Grading, run_mesher
 from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.outlines import Face
 
-DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
+DEGREE = (
+    8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
+)
 EDGE_POINTS = 3  # Gauss points on a curved edge
 TIME_LIMIT = 60.0  # s, for gmsh
 
@@ -23,11 +25,14 @@ Function: TypeAlias = Callable[[Array], Array]
 """Points (..., 2), mm, to vectors (..., 2) or tensors (..., 2, 2)."""
 
 Traction: TypeAlias = Callable[[Array, Array], Array]
-"""Function from points (..., 2), mm, and outward unit normals (..., 2) to tractions (..., 2), MPa."""
+"""Function from points (..., 2), mm, and outward unit normals (..., 2) to tractions (..., 2), MPa.
+"""
 
 
 class Support(NamedTuple):
-    """Nodes whose displacement along one axis (0 is x, 1 is y) is prescribed: values () or (k,), mm."""
+    """Nodes whose displacement along one axis (0 is x, 1 is y) is prescribed: values () or (k,),
+    mm.
+    """
 
     nodes: Index
     axis: int
@@ -35,7 +40,9 @@ class Support(NamedTuple):
 
 
 class Solution(NamedTuple):
-    """Displacements (n, 2), mm, the forces of the supports (n, 2), N, and the number of equations solved."""
+    """Displacements (n, 2), mm, the forces of the supports (n, 2), N, and the number of equations
+    solved.
+    """
 
     field: Array
     reactions: Array
@@ -44,16 +51,21 @@ class Solution(NamedTuple):
 
 def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Support]) -> Solution:
     """Solve in the plane for nodal forces (n, 2), N, and prescribed displacements."""
-    of, field, held = structure(mesh, plate, held=NONE), np.zeros_like(force), np.zeros(force.shape, dtype=bool)
+    of = structure(mesh, plate, held=NONE)
+    field = np.zeros_like(force)
+    held = np.zeros(force.shape, dtype=bool)
     for nodes, axis, values in supports:
-        field[nodes, axis], held[nodes, axis] = values, True
+        field[nodes, axis] = values
+        held[nodes, axis] = True
     field = field + supported(of, of.lower(), force - of.forces(field[None])[0], held)
     reactions = np.where(held, of.forces(field[None])[0] - force, 0.0)
     return Solution(field, reactions, int(np.sum(~held)))
 
 
 def meshed(face: Face, sizes: Sequence[Grading]) -> StageMesh:
-    """Mesh one face of lines and arcs with gmsh in its own process. Raises ComputationFailed as `run_mesher` does."""
+    """Mesh one face of lines and arcs with gmsh in its own process. Raises ComputationFailed as
+    `run_mesher` does.
+    """
     return ordered(mesh_of(run_mesher(FaceMesh([face], {}, list(sizes)), TIME_LIMIT)))[0]
 
 
@@ -92,19 +104,28 @@ def pressure(value: float) -> Traction:
 
 
 def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
-    """Nodal forces (n, 2), N, of a traction on curved quadratic boundary edges (k, 3): `f_i = b int N_i t ds`."""
+    """Nodal forces (n, 2), N, of a traction on curved quadratic boundary edges (k, 3): `f_i = b int
+    N_i t ds`.
+    """
     t = mesh.triangles
     sides = np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
     order = np.argsort(sides[:, 2], kind="stable")
-    edges = sides[order[np.searchsorted(sides[order, 2], edges[:, 2])]]  # oriented with the triangle on the left
+    edges = sides[
+        order[np.searchsorted(sides[order, 2], edges[:, 2])]
+    ]  # oriented with the triangle on the left
     s, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
     N, slope = (part[[0, 2, 1]] for part in segment_functions(s))
     at = mesh.nodes[edges]
-    points, tangents = np.einsum("kid,iq->kqd", at, N), np.einsum("kid,iq->kqd", at, slope)
+    points = np.einsum("kid,iq->kqd", at, N)
+    tangents = np.einsum("kid,iq->kqd", at, slope)
     length = np.hypot(tangents[..., 0], tangents[..., 1])
     normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1) / length[..., None]
     force = np.zeros_like(mesh.nodes)
-    np.add.at(force, edges, np.einsum("kqd,kq,iq->kid", traction(points, normals), plate.thickness * length * w, N))
+    np.add.at(
+        force,
+        edges,
+        np.einsum("kqd,kq,iq->kid", traction(points, normals), plate.thickness * length * w, N),
+    )
     return force
 
 
@@ -112,7 +133,9 @@ def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = D
     """Nodal forces (n, 2), N, of a force per volume, N/mm^3, at the points (..., 2)."""
     total = np.zeros_like(mesh.nodes)
     for batch in integration(mesh, degree):
-        triangles, weights, N = batch.triangles, batch.weights, batch.phi
+        triangles = batch.triangles
+        weights = batch.weights
+        N = batch.phi
         points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         nodal = np.einsum("eqd,eq,iq->eid", density(points), plate.thickness * weights, N)
         np.add.at(total, triangles, nodal)
@@ -120,7 +143,9 @@ def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = D
 
 
 class FieldErrors(NamedTuple):
-    """Errors relative to the exact solution: displacement in L2, its gradient in L2 (H1 seminorm), stress in L2."""
+    """Errors relative to the exact solution: displacement in L2, its gradient in L2 (H1 seminorm),
+    stress in L2.
+    """
 
     displacement: float
     gradient: float
@@ -136,13 +161,18 @@ def errors(
     stress: Function,
     degree: int = DEGREE,
 ) -> FieldErrors:
-    """Errors of a displacement field (n, 2) against the exact displacement, gradient `d_b u_a` and stress.
+    """Errors of a displacement field (n, 2) against the exact displacement, gradient `d_b u_a` and
+    stress.
 
     `gradient` None leaves its error nan.
     """
-    found, scale = np.zeros(3), np.zeros(3)
+    found = np.zeros(3)
+    scale = np.zeros(3)
     for batch in integration(mesh, degree):
-        triangles, gradients, weights, N = batch.triangles, batch.gradients, batch.weights, batch.phi
+        triangles = batch.triangles
+        gradients = batch.gradients
+        weights = batch.weights
+        N = batch.phi
         points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         slopes = np.einsum("eia,eibq->eabq", field[triangles], gradients, optimize=True)
         ours = [np.einsum("eia,iq->eqa", field[triangles], N), slopes, stress_tensor(plate, slopes)]

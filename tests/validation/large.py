@@ -1,8 +1,9 @@
-"""Large displacements: the elastica by elliptic integrals, and the order of what the tangent stiffness leaves.
+"""Large displacements: the elastica by elliptic integrals, and the order of what the tangent
+stiffness leaves.
 
-A cantilever is bent far beyond its length by a force that keeps its direction. Of the tangent: if it is the derivative
-of the internal forces, what it leaves of them shrinks with the square of the step.
-"""
+A cantilever is bent far beyond its length by a force that keeps its direction. Of the tangent: if
+it is the derivative of the internal forces, what it leaves of them shrinks with the square of the
+step."""
 
 from __future__ import annotations
 
@@ -23,11 +24,17 @@ from flexfem.fem.structure import structure
 from .problem import Finding, cantilever, order, problem
 
 PLATE = Plate(youngs_modulus=6.83e4, poissons_ratio=0.0, thickness=1.7)
-LENGTH, HEIGHT = 400.0, 1.0  # mm; a Bernoulli beam to (h/L)^2
+LENGTH = 400.0
+HEIGHT = 1.0  # mm; a Bernoulli beam to (h/L)^2
 STIFFNESS = PLATE.youngs_modulus * PLATE.thickness * HEIGHT**3 / 12  # EI, N mm^2
-PRINTED = {1.0: (0.30172, 0.05643), 5.0: (0.71379, 0.38763), 10.0: (0.81061, 0.55500)}  # v/L and u/L, as tabulated
+PRINTED = {
+    1.0: (0.30172, 0.05643),
+    5.0: (0.71379, 0.38763),
+    10.0: (0.81061, 0.55500),
+}  # v/L and u/L, as tabulated
 LOADS = np.array([0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0])  # P L^2 / (E I)
-ALLOWED = 2e-6  # of the length, per load: stretch and shear of a bar that is not infinitely slender, and its mesh
+# of the length, per load: stretch and shear of a bar that is not infinitely slender, and its mesh
+ALLOWED = 2e-6
 
 
 def tip(load: float) -> tuple[float, float]:
@@ -35,9 +42,8 @@ def tip(load: float) -> tuple[float, float]:
 
     Notes
     -----
-    With the tip's slope phi, `m = (1 + sin phi)/2` and `sin^2 a = 1/(2 m)`: `root of load = K(m) - F(a, m)`,
-    `v/L = 1 - 2 (E(m) - E(a, m))/root of load`, `u/L = 1 - root of (2 sin phi/load)`.
-    """
+    With the tip's slope phi, `m = (1 + sin phi)/2` and `sin^2 a = 1/(2 m)`: `root of load = K(m) -
+    F(a, m)`, `v/L = 1 - 2 (E(m) - E(a, m))/root of load`, `u/L = 1 - root of (2 sin phi/load)`."""
 
     def parts(phi: float) -> tuple[float, float]:
         m = (1 + np.sin(phi)) / 2
@@ -55,7 +61,9 @@ def tip(load: float) -> tuple[float, float]:
 
 @cache
 def bent() -> tuple[Array, Array, int]:
-    """Displacement of the tip (loads, 2) over the length, across and along; middle lines (loads, m, 2); unknowns."""
+    """Displacement of the tip (loads, 2) over the length, across and along; middle lines (loads, m,
+    2); unknowns.
+    """
     mesh = cantilever(200, 1, LENGTH, HEIGHT)
     force = LOADS[:, None] * STIFFNESS / LENGTH**2 * np.array([0.0, 1.0, 0.0])
     found = equilibrium(mesh, PLATE, force)
@@ -68,19 +76,23 @@ def bent() -> tuple[Array, Array, int]:
 @problem(
     "Elastica",
     "large displacements and rotations",
-    "K. E. Bisshopp, D. C. Drucker, Large deflection of cantilever beams, Quart. Appl. Math. 3, 272-275 (1945), its"
-    " elliptic integrals evaluated here",
+    "K. E. Bisshopp, D. C. Drucker, Large deflection of cantilever beams, Quart. Appl. Math. 3, "
+    "272-275 (1945), its elliptic integrals evaluated here",
 )
 def elastica() -> list[Finding]:
     """Both displacements of the tip at the tabulated loads, against the elliptic integrals."""
-    (moved, _, unknowns), rows = bent(), []
+    moved, _, unknowns = bent()
+    rows = []
     for load, printed in PRINTED.items():
         found = moved[list(LOADS).index(load)]
         for what, *values in zip(
             ("across the beam, v/L", "along the beam, u/L"), tip(load), found, printed, strict=True
         ):
-            quantity, note = f"tip {what}, P L^2/EI = {load:g}", f"printed as {values[2]:.5f}"
-            rows.append(Finding(quantity, *values[:2], ALLOWED * load, unknowns=unknowns, note=note))
+            quantity = f"tip {what}, P L^2/EI = {load:g}"
+            note = f"printed as {values[2]:.5f}"
+            rows.append(
+                Finding(quantity, *values[:2], ALLOWED * load, unknowns=unknowns, note=note)
+            )
     return rows
 
 
@@ -90,7 +102,9 @@ def draw_elastica(path: Path) -> None:
 
     moved, lines, unknowns = bent()
     figure = Figure((8.3, 3.8), layout="constrained")
-    figure.suptitle(f"Elastica: elliptic integrals (curves) and finite elements (marks, {unknowns} unknowns)")
+    figure.suptitle(
+        f"Elastica: elliptic integrals (curves) and finite elements (marks, {unknowns} unknowns)"
+    )
     curves, shapes = figure.subplots(1, 2)
     loads = np.linspace(0.01, LOADS[-1], 200)
     exact = np.array([tip(load) for load in loads])
@@ -110,7 +124,9 @@ def draw_elastica(path: Path) -> None:
 
 
 BAR = Plate(youngs_modulus=6.83e4, poissons_ratio=0.29, thickness=1.7)
-BAR_LENGTH, BAR_HEIGHT, OFFSET = 21.0, 1.3, (-1.9, 0.8)  # mm; the hub's centre lies off every axis of the bar
+BAR_LENGTH = 21.0
+BAR_HEIGHT = 1.3
+OFFSET = (-1.9, 0.8)  # mm; the hub's centre lies off every axis of the bar
 LOAD = np.array([31.0, -17.0, 740.0])  # N, N mm: bends the bar by about 0.4 rad
 STEPS = 10.0 ** np.arange(0.0, -9.01, -0.5)
 SIZE = 0.05  # mm and, over the length, rad: the largest step
@@ -119,10 +135,11 @@ SMALL = (1e-9, 1e-5)  # steps at which a wrong tangent shows its first order
 
 
 class Remainders(NamedTuple):
-    """Remainders (k,) of the forces after `STEPS` in a random direction, over the first-order change at the largest.
+    """Remainders (k,) of the forces after `STEPS` in a random direction, over the first-order
+    change at the largest.
 
-    ours : less the tangent stiffness.   material : less the tangent without its geometric part, which is a mistake.
-    """
+    ours : less the tangent stiffness.   material : less the tangent without its geometric part,
+    which is a mistake."""
 
     ours: Array
     material: Array
@@ -139,7 +156,8 @@ def observed(remainders: Array, between: tuple[float, float] = CLEAN) -> float:
 def remainders() -> Remainders:
     """Take steps from the bent bar, equilibrium under `LOAD`. Raises ComputationFailed."""
     mesh = cantilever(8, 2, BAR_LENGTH, BAR_HEIGHT, OFFSET)
-    of, rest = structure(mesh, BAR), equilibrium(mesh, BAR, LOAD)
+    of = structure(mesh, BAR)
+    rest = equilibrium(mesh, BAR, LOAD)
     model = LargeStructure(of)
     state = model.at(rest.pose[0], rest.fields[0])
     way = SIZE * np.random.default_rng(29).normal(size=of.size)
@@ -149,11 +167,14 @@ def remainders() -> Remainders:
     for at in (state, unstressed):
         half = model.tangent(at)
         slopes.append(half @ way + sp.tril(half, -1).T @ way)
-    forces, changes = model.internal(state).forces, []
+    forces = model.internal(state).forces
+    changes = []
     for step in STEPS:
         field = state.field.copy()
         field[of.free] += step * way[:-3].reshape(-1, 2)
-        changes.append(model.internal(model.at(state.pose + step * way[-3:], field)).forces - forces)
+        changes.append(
+            model.internal(model.at(state.pose + step * way[-3:], field)).forces - forces
+        )
     left = [np.linalg.norm(np.array(changes) - STEPS[:, None] * slope, axis=1) for slope in slopes]
     scale = np.linalg.norm(slopes[0])
     return Remainders(left[0] / scale, left[1] / scale, len(way))
@@ -168,7 +189,17 @@ def tangent_stiffness() -> list[Finding]:
     """The observed order with the tangent stiffness."""
     found = remainders()
     note = (
-        f"without its geometric part {observed(found.material, SMALL):.2f} at small steps; the smallest remainder is"
-        f" {found.ours.min():.0e} of the first-order change at the largest step"
+        f"without its geometric part {observed(found.material, SMALL):.2f} at small steps; the "
+        f"smallest remainder is {found.ours.min():.0e} of the first-order change at the largest "
+        "step"
     )
-    return [Finding("order of the remainder", 2.0, observed(found.ours), 0.004, unknowns=found.unknowns, note=note)]
+    return [
+        Finding(
+            "order of the remainder",
+            2.0,
+            observed(found.ours),
+            0.004,
+            unknowns=found.unknowns,
+            note=note,
+        )
+    ]

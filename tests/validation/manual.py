@@ -1,4 +1,6 @@
-"""All problems run one after the other, and the verification manual: a section for each with what was found."""
+"""All problems run one after the other, and the verification manual: a section for each with what
+was found.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,15 @@ from . import consistency, hinge, large, plane, practice, vibration, warm
 from .problem import PROBLEMS, Finding, MissingSolverError
 
 HEAD = ("quantity", "target", "target ±", "ours", "difference", "allowed ±", "unknowns", "")
-REGISTERED = (consistency, plane, hinge, large, vibration, warm, practice)  # their imports fill PROBLEMS
+REGISTERED = (
+    consistency,
+    plane,
+    hinge,
+    large,
+    vibration,
+    warm,
+    practice,
+)  # their imports fill PROBLEMS
 
 
 def run(names: Sequence[str]) -> dict[str, list[Finding]]:
@@ -38,13 +48,16 @@ MANUAL = (
 )
 MECHANISMS = (
     "Verified mechanisms",
-    "Mechanisms from practice, drawn by others, beside published or independent values. `make validation` solves them; "
-    "their files are in `tests/validation/mechanisms`, and each states its source.",
+    "Mechanisms from practice, drawn by others, beside published or independent values. `make "
+    "validation` solves them; their files are in `tests/validation/mechanisms`, and each states "
+    "its source.",
 )
 
 
 def manual(
-    found: Mapping[str, Sequence[Finding]], figures: Mapping[str, str], heading: tuple[str, str] = MANUAL
+    found: Mapping[str, Sequence[Finding]],
+    figures: Mapping[str, str],
+    heading: tuple[str, str] = MANUAL,
 ) -> str:
     """The page in Markdown, of findings by the name of their problem; `figures` by the same name.
 
@@ -56,8 +69,9 @@ def manual(
     title, purpose = heading
     blocks = [
         f"# {title}",
-        f"{purpose} {verdict} within what is allowed: a limit stated beside the target, in its unit, from the error "
-        "that the mesh is expected to have and from the digits that the source prints.",
+        f"{purpose} {verdict} within what is allowed: a limit stated beside the target, in its "
+        "unit, from the error that the mesh is expected to have and from the digits that the "
+        "source prints.",
         *(block for name, own in found.items() for block in _section(name, own, figures.get(name))),
     ]
     return "\n\n".join(blocks) + "\n"
@@ -78,7 +92,12 @@ def _row(found: Finding) -> list[str]:
     uncertainty = f"{found.uncertainty:.2g}" if found.uncertainty else "exact"
     ours = f"{found.ours:.6g}" + (f" ± {found.band:.2g}" if found.band else "")
     cells = [found.quantity, f"{found.target:.6g}", uncertainty, ours, f"{found.difference:+.1e}"]
-    return [*cells, f"{found.allowed:.2g}", f"{found.unknowns or ''}", "" if found.passed else "**fails**"]
+    return [
+        *cells,
+        f"{found.allowed:.2g}",
+        f"{found.unknowns or ''}",
+        "" if found.passed else "**fails**",
+    ]
 
 
 def draw(name: str, folder: Path) -> str:
@@ -94,7 +113,9 @@ def draw(name: str, folder: Path) -> str:
     return ""
 
 
-def write(page: Path, names: Sequence[str], heading: tuple[str, str] = MANUAL, figures: str = "") -> bool:
+def write(
+    page: Path, names: Sequence[str], heading: tuple[str, str] = MANUAL, figures: str = ""
+) -> bool:
     """Run problems and write their page; whether all passed.
 
     figures : folder of the figures, relative to that of the page.
@@ -112,8 +133,16 @@ def main() -> int:
     """`python -m tests.validation.manual`: 1 when something failed."""
     from . import solvers  # noqa: F401 - registers the problems that need another program and the test extra
 
-    parser = argparse.ArgumentParser(description="Solve problems with known answers and write the verification manual.")
-    parser.add_argument("names", nargs="*", choices=[*PROBLEMS, []], metavar="NAME", help="of problems; by default all")
+    parser = argparse.ArgumentParser(
+        description="Solve problems with known answers and write the verification manual."
+    )
+    parser.add_argument(
+        "names",
+        nargs="*",
+        choices=[*PROBLEMS, []],
+        metavar="NAME",
+        help="of problems; by default all",
+    )
     parser.add_argument("--page", type=Path, default=Path("reports/verification-manual.md"))
     wanted = parser.parse_args()
     passed = write(wanted.page, wanted.names or list(PROBLEMS))

@@ -1,8 +1,9 @@
-"""Mechanisms from practice with published or independent values: whole files, from the drawing to the printed number.
+"""Mechanisms from practice with published or independent values: whole files, from the drawing to
+the printed number.
 
-The files are in the folder `mechanisms`. Each states the source of its dimensions. Independent values come from finite
-elements of second order in plane stress that share no code with flexfem, or from closed forms.
-"""
+The files are in the folder `mechanisms`. Each states the source of its dimensions. Independent
+values come from finite elements of second order in plane stress that share no code with flexfem, or
+from closed forms."""
 
 from __future__ import annotations
 
@@ -61,7 +62,8 @@ def unknowns(found: Stiffness) -> int:
 @problem(
     "A load cell of 10 kg",
     "stiffness and stress of one elastic body without hinges",
-    "dimensions: public repository load-cell-scad, src/load_cell_variants.scad, entry TAL220; targets: " + OWN,
+    "dimensions: public repository load-cell-scad, src/load_cell_variants.scad, entry TAL220; "
+    "targets: " + OWN,
     slow=True,
     mechanism="load-cell",
 )
@@ -76,14 +78,27 @@ def load_cell() -> list[Finding]:
         *stated(solid, "free", model=SOLID, direction="y")
     )
     return [
-        Finding("stiffness in plane stress, y (N/mm)", 75.87, stiffness, 0.05, 0.005, size, note, stiffness_band),
+        Finding(
+            "stiffness in plane stress, y (N/mm)",
+            75.87,
+            stiffness,
+            0.05,
+            0.005,
+            size,
+            note,
+            stiffness_band,
+        ),
         Finding("highest stress at 98.1 N (MPa)", 840.0, stress, 25.0, 10.0, size, "", stress_band),
     ]
 
 
 def leg(name: str, independent: float, published: float) -> list[Finding]:
-    """The displacement of the end face of a leg, 5 N normal to it, beside an independent mesh and the published one."""
-    found = flexfem.stiffness(mechanism(name, plane=True), force=tuple(5.0 * part for part in (*NORMAL_TO_ARM, 0.0)))
+    """The displacement of the end face of a leg, 5 N normal to it, beside an independent mesh and
+    the published one.
+    """
+    found = flexfem.stiffness(
+        mechanism(name, plane=True), force=tuple(5.0 * part for part in (*NORMAL_TO_ARM, 0.0))
+    )
     pose = found.at("pose", model=PLANE, point="output")
     displacement = float(np.hypot(pose[0], pose[1]))
     size = unknowns(found)
@@ -114,7 +129,8 @@ def leg(name: str, independent: float, published: float) -> list[Finding]:
 @problem(
     "A printed leg of a scale, concept 1",
     "displacement of an elastic body of polygons",
-    "public repository BEng-Compliant-Mechanism-Scale, CAD/concept_1_v2.step and report, pp. 18-20; " + OWN,
+    "public repository BEng-Compliant-Mechanism-Scale, CAD/concept_1_v2.step and report, pp. "
+    "18-20; " + OWN,
     mechanism="leg-1",
 )
 def leg_concept_1() -> list[Finding]:
@@ -125,7 +141,8 @@ def leg_concept_1() -> list[Finding]:
 @problem(
     "A printed leg of a scale, concept 3",
     "displacement of a slender elastic body of polygons",
-    "public repository BEng-Compliant-Mechanism-Scale, CAD/concept_3_v2.step and report, pp. 18-20; " + OWN,
+    "public repository BEng-Compliant-Mechanism-Scale, CAD/concept_3_v2.step and report, pp. "
+    "18-20; " + OWN,
     mechanism="leg-3",
 )
 def leg_concept_3() -> list[Finding]:
@@ -136,8 +153,8 @@ def leg_concept_3() -> list[Finding]:
 @problem(
     "A resonator of a thin film",
     "first natural frequency of a plate on four beams",
-    "dimensions: COMSOL application library, Residual Stress in a Thin Film Resonator; targets: its closed form with "
-    "massless beams, and " + OWN,
+    "dimensions: COMSOL application library, Residual Stress in a Thin Film Resonator; targets: "
+    "its closed form with massless beams, and " + OWN,
     slow=True,
     mechanism="resonator",
 )
@@ -154,15 +171,24 @@ def resonator() -> list[Finding]:
     return [
         Finding("first natural frequency (Hz)", 14757.0, first, 15.0, 1.0, size, "", band),
         Finding("the same, closed form (Hz)", 14989.0, first, 300.0, 225.0, size, massless, band),
-        Finding("with residual stress, closed form (Hz)", 33_080.0, higher, 1500.0, 1000.0, size, shape, higher_band),
+        Finding(
+            "with residual stress, closed form (Hz)",
+            33_080.0,
+            higher,
+            1500.0,
+            1000.0,
+            size,
+            shape,
+            higher_band,
+        ),
     ]
 
 
 @problem(
     "A tendon finger",
     "leaves between links of another, stiff material, turned together",
-    "dimensions: public repository Compliant-Mechanisms-Study, Finger_Sim_FreeCAD.py; target: its closed form, one "
-    "spring a joint with E I / L, exact for rigid links under a moment",
+    "dimensions: public repository Compliant-Mechanisms-Study, Finger_Sim_FreeCAD.py; target: "
+    "its closed form, one spring a joint with E I / L, exact for rigid links under a moment",
     mechanism="tpu-finger",
 )
 def tendon_finger() -> list[Finding]:
@@ -176,8 +202,9 @@ def tendon_finger() -> list[Finding]:
 @problem(
     "A scanned neck",
     "a hinge whose two edges differ and are shifted",
-    "dimensions: public repository FlexureWidth, Data/Batch 1/flexure1.dat; target: Paros and Weisbord, "
-    "2 E b t^2.5 / (9 pi sqrt(R)), with the mean curvature of both circles, in plane strain",
+    "dimensions: public repository FlexureWidth, Data/Batch 1/flexure1.dat; target: Paros and "
+    "Weisbord, 2 E b t^2.5 / (9 pi sqrt(R)), with the mean curvature of both circles, in plane "
+    "strain",
     slow=True,
     mechanism="scanned-neck",
 )
@@ -185,7 +212,11 @@ def scanned_neck() -> list[Finding]:
     """The rotational stiffness of a neck of 15 um."""
     found = flexfem.stiffness(mechanism("scanned-neck"), force=(0.0, 0.0, 1e-3))
     stiffness, band = stated(found, "free", model=PLANE, direction="theta")
-    return [Finding("stiffness, theta (N mm/rad)", 1.493, stiffness, 0.015, 0.01, unknowns(found), "", band)]
+    return [
+        Finding(
+            "stiffness, theta (N mm/rad)", 1.493, stiffness, 0.015, 0.01, unknowns(found), "", band
+        )
+    ]
 
 
 @problem(
@@ -202,9 +233,13 @@ def curved_strip() -> list[Finding]:
     rest = flexfem.stiffness(strip, force=load)
     stiffness, band = stated(rest, "free", model=PLANE, direction="y")
     spline = "the independent mesh follows the spline, the file its points"
-    bent = float(flexfem.large(strip, force=load).at("pose", theory=PLANE, load="100 %", direction="y"))
+    bent = float(
+        flexfem.large(strip, force=load).at("pose", theory=PLANE, load="100 %", direction="y")
+    )
     return [
-        Finding("stiffness, y (N/mm)", 9.542, stiffness, 0.02, 0.0005, unknowns(rest), spline, band),
+        Finding(
+            "stiffness, y (N/mm)", 9.542, stiffness, 0.02, 0.0005, unknowns(rest), spline, band
+        ),
         Finding("displacement at -30 N (mm)", -4.381, bent, 0.02, 0.0005, unknowns(rest)),
     ]
 
@@ -212,15 +247,20 @@ def curved_strip() -> list[Finding]:
 @problem(
     "One level of a linearised stage",
     "stiffness of short leaves between legs, and the drop of the stage at a finite displacement",
-    "dimensions: public repository openflexure_linearised_xy_stage, openscad/linearised_stage.scad; targets: closed "
-    "forms 4 E I / (l lever^2) and lever (1 - cos 0.12) with rigid legs",
+    "dimensions: public repository openflexure_linearised_xy_stage, "
+    "openscad/linearised_stage.scad; targets: closed forms 4 E I / (l lever^2) and lever (1 - "
+    "cos 0.12) with rigid legs",
     mechanism="openflexure-level",
 )
 def openflexure_level() -> list[Finding]:
     """Two legs with four leaves, at rest and driven by 3.6 mm."""
     level = mechanism("openflexure-level", plane=True)
-    stiffness = float(flexfem.stiffness(level, models="analytic").at("free", model="analytic", direction="x"))
-    moved = flexfem.large(level, amplitude=3.6, models="analytic").at("pose", theory="beams", load="100 %")
+    stiffness = float(
+        flexfem.stiffness(level, models="analytic").at("free", model="analytic", direction="x")
+    )
+    moved = flexfem.large(level, amplitude=3.6, models="analytic").at(
+        "pose", theory="beams", load="100 %"
+    )
     note = "the leaves also shear, which the closed form leaves out"
     return [
         Finding("stiffness, x (N/mm)", 1.198, stiffness, 0.006, 0.0005, 3, note),
@@ -231,7 +271,9 @@ def openflexure_level() -> list[Finding]:
 @problem(
     "A bistable shuttle",
     "the whole curve of force against displacement, past its limits",
-    "dimensions: public repository compliant_mechanisms, bistable.scad; targets: " + OWN + ", driven by displacement",
+    "dimensions: public repository compliant_mechanisms, bistable.scad; targets: "
+    + OWN
+    + ", driven by displacement",
     slow=True,
     mechanism="bistable",
 )
@@ -259,7 +301,18 @@ def strip_with_hole() -> list[Finding]:
     """The stress at the edge of the hole, of a bending moment whose nominal stress is 1 MPa."""
     found = flexfem.stiffness(mechanism("strip-with-hole", plane=True), force=(0.0, 0.0, 600.0))
     stress, band = stated(found, "point_stress", point="edge of the hole", model=PLANE)
-    return [Finding("von Mises stress at the hole (MPa)", 1.09, stress, 0.02, 0.005, unknowns(found), "", band)]
+    return [
+        Finding(
+            "von Mises stress at the hole (MPa)",
+            1.09,
+            stress,
+            0.02,
+            0.005,
+            unknowns(found),
+            "",
+            band,
+        )
+    ]
 
 
 @problem(
@@ -279,8 +332,8 @@ def column() -> list[Finding]:
 @problem(
     "A torsional accelerometer",
     "a natural frequency out of the plane",
-    "public repository LMGT_MEMS_component_library, uniaxial_accelerometer/accelZa_02.vhd (ANSYS); dimensions: "
-    "public repository APDL_scripts, accelerometer/a_00_layout.mac",
+    "public repository LMGT_MEMS_component_library, uniaxial_accelerometer/accelZa_02.vhd "
+    "(ANSYS); dimensions: public repository APDL_scripts, accelerometer/a_00_layout.mac",
     slow=True,
     mechanism="accelerometer",
 )
@@ -296,7 +349,8 @@ def accelerometer() -> list[Finding]:
 @problem(
     "A notch of three rows",
     "the beam integral of straight edges",
-    "exact: integral of 12 / (E b h^3) over a height that falls linearly from 6 to 1 mm and rises again",
+    "exact: integral of 12 / (E b h^3) over a height that falls linearly from 6 to 1 mm and "
+    "rises again",
     mechanism="vee",
 )
 def vee() -> list[Finding]:

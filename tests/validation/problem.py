@@ -1,4 +1,6 @@
-"""What the problems of this folder share: the table of problems, their findings, meshes and exact fields."""
+"""What the problems of this folder share: the table of problems, their findings, meshes and exact
+fields.
+"""
 
 from __future__ import annotations
 
@@ -37,11 +39,12 @@ class MissingSolverError(Exception):
 class Finding(NamedTuple):
     """A published or exact target beside our value.
 
-    quantity : what is compared, with its unit.   allowed : the largest difference that passes, in the same unit.
+    quantity : what is compared, with its unit.   allowed : the largest difference that passes, in
+    the same unit.
     uncertainty : how well the target itself is known, in its unit; zero for exact ones.
     unknowns : equations solved for `ours`, on the finest mesh.   note : what else is worth knowing.
-    band : half-width of the uncertainty that flexfem states with `ours`, in the same unit; zero where it states none.
-    """
+    band : half-width of the uncertainty that flexfem states with `ours`, in the same unit; zero
+    where it states none."""
 
     quantity: str
     target: float
@@ -66,7 +69,8 @@ class Finding(NamedTuple):
 class Problem(NamedTuple):
     """A problem with a known answer.
 
-    title : heading in the manual.   verifies : what would be wrong if it failed.   source : citation of the target.
+    title : heading in the manual.   verifies : what would be wrong if it failed.   source :
+    citation of the target.
     run : solves it.   slow : whether that takes more than a few seconds, or another solver.
     mechanism : name of the mechanism file that it is about, empty for other problems.
     """
@@ -88,19 +92,24 @@ def problem(
     """Register a function as a problem, named as the function is with hyphens."""
 
     def register(run: Callable[[], list[Finding]]) -> Callable[[], list[Finding]]:
-        PROBLEMS[run.__name__.replace("_", "-")] = Problem(title, verifies, source, run, slow, mechanism)
+        PROBLEMS[run.__name__.replace("_", "-")] = Problem(
+            title, verifies, source, run, slow, mechanism
+        )
         return run
 
     return register
 
 
 def order(sizes: ArrayLike, errors: ArrayLike) -> float:
-    """Observed order: slope of the straight line through the logarithms of errors over those of mesh sizes."""
+    """Observed order: slope of the straight line through the logarithms of errors over those of
+    mesh sizes.
+    """
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
 
 
 def extrapolated(sizes: Sequence[float], values: Sequence[float]) -> float:
-    """Limit of the last three values for size zero; sizes must shrink by one ratio (Richardson with observed order).
+    """Limit of the last three values for size zero; sizes must shrink by one ratio (Richardson with
+    observed order).
 
     The finest value itself when the three do not converge monotonically.
     """
@@ -112,10 +121,11 @@ def extrapolated(sizes: Sequence[float], values: Sequence[float]) -> float:
 
 
 class Exact(NamedTuple):
-    """An exact field of a plate: displacement (..., 2), mm, and stress (..., 2, 2), MPa, of points (..., 2), mm.
+    """An exact field of a plate: displacement (..., 2), mm, and stress (..., 2, 2), MPa, of points
+    (..., 2), mm.
 
-    gradient : `d_b u_a` (..., 2, 2).   body_force : (..., 2), N/mm^3, what holds the field, None for nothing.
-    """
+    gradient : `d_b u_a` (..., 2, 2).   body_force : (..., 2), N/mm^3, what holds the field, None
+    for nothing."""
 
     plate: Plate
     displacement: Function
@@ -132,10 +142,12 @@ class Exact(NamedTuple):
     ) -> tuple[Solution, FieldErrors]:
         """The finite elements' answer to the exact tractions on sides of the mesh, and its errors.
 
-        normals : outward normals (..., 2) at points (..., 2) of a side as it was drawn; those of the triangles would
+        normals : outward normals (..., 2) at points (..., 2) of a side as it was drawn; those of
+        the triangles would
             hide how well they follow it.
         """
-        force, pull = np.zeros_like(mesh.nodes), traction_of(self.stress)
+        force = np.zeros_like(mesh.nodes)
+        pull = traction_of(self.stress)
         if self.body_force is not None:
             force += body_force(mesh, self.plate, self.body_force)
         for side in loaded:
@@ -143,14 +155,20 @@ class Exact(NamedTuple):
             traction = pull if drawn is None else lambda at, _, drawn=drawn: pull(at, drawn(at))
             force += edge_force(mesh, self.plate, mesh.edges[side], traction)
         solution = solve(mesh, self.plate, force, supports)
-        return solution, errors(mesh, self.plate, solution.field, self.displacement, self.gradient, self.stress)
+        return solution, errors(
+            mesh, self.plate, solution.field, self.displacement, self.gradient, self.stress
+        )
 
 
-def orders(meshes: Sequence[StageMesh], found: Sequence[FieldErrors], unknowns: int) -> list[Finding]:
+def orders(
+    meshes: Sequence[StageMesh], found: Sequence[FieldErrors], unknowns: int
+) -> list[Finding]:
     """Observed orders of displacement and stress beside those of quadratic triangles."""
     sizes = [size_of(mesh) for mesh in meshes]
     return [
-        Finding(f"order of {name} in L2", target, order(sizes, values), ORDER_ALLOWED, unknowns=unknowns)
+        Finding(
+            f"order of {name} in L2", target, order(sizes, values), ORDER_ALLOWED, unknowns=unknowns
+        )
         for name, target, values in (
             ("displacement", 3.0, [each.displacement for each in found]),
             ("stress", 2.0, [each.stress for each in found]),
@@ -159,13 +177,15 @@ def orders(meshes: Sequence[StageMesh], found: Sequence[FieldErrors], unknowns: 
 
 
 def hooke(plate: Plate, gradient: Array) -> Array:
-    """Stress (..., 2, 2), MPa, of d_b u_a (..., 2, 2): `xx = E/(1-nu^2) (e_xx + nu e_yy)`, `xy = E/(1+nu) e_xy`.
+    """Stress (..., 2, 2), MPa, of d_b u_a (..., 2, 2): `xx = E/(1-nu^2) (e_xx + nu e_yy)`, `xy =
+    E/(1+nu) e_xy`.
 
     Written without Lame constants on purpose: those are what is verified.
     """
     e, nu, _ = plate
     stress = e / (1 + nu) / 2 * (gradient + np.swapaxes(gradient, -1, -2))
-    xx, yy = gradient[..., 0, 0], gradient[..., 1, 1]
+    xx = gradient[..., 0, 0]
+    yy = gradient[..., 1, 1]
     stress[..., 0, 0] = e / (1 - nu**2) * (xx + nu * yy)
     stress[..., 1, 1] = e / (1 - nu**2) * (yy + nu * xx)
     return np.asarray(stress)
@@ -189,12 +209,16 @@ def on_axes(mesh: StageMesh, y_axis: str = "top", x_axis: str = "bottom") -> lis
 def rectangle(
     columns: int, rows: int, length: float, height: float, x: float = 0.0, y: float | None = None
 ) -> StageMesh:
-    """Cells of a rectangle, mm, from `x` on; `y` is its lower side, by default half of the height below the x axis."""
+    """Cells of a rectangle, mm, from `x` on; `y` is its lower side, by default half of the height
+    below the x axis.
+    """
     low = -height / 2 if y is None else y
     return mapped(columns, rows, lambda u, v: np.stack([x + length * u, low + height * v], axis=-1))
 
 
-def cantilever(columns: int, rows: int, length: float, height: float, offset: ArrayLike = (0.0, 0.0)) -> StageMesh:
+def cantilever(
+    columns: int, rows: int, length: float, height: float, offset: ArrayLike = (0.0, 0.0)
+) -> StageMesh:
     """A bar clamped on its left whose right end, at the origin but for an offset, is the rigid hub."""
     mesh = rectangle(columns, rows, length, height, x=-length)
     edges = {"ground": mesh.edges["left"], "hub": mesh.edges["right"]}
@@ -202,10 +226,13 @@ def cantilever(columns: int, rows: int, length: float, height: float, offset: Ar
 
 
 def quarter_ring(across: int, around: int, inner: float, outer: float) -> StageMesh:
-    """A quarter of a ring, radii mm: `left` the inner, `right` the outer arc, `bottom` on x and `top` on y."""
+    """A quarter of a ring, radii mm: `left` the inner, `right` the outer arc, `bottom` on x and
+    `top` on y.
+    """
 
     def place(u: Array, v: Array) -> Array:
-        radius, angle = inner + (outer - inner) * u, v * np.pi / 2
+        radius = inner + (outer - inner) * u
+        angle = v * np.pi / 2
         return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
 
     return mapped(across, around, place)

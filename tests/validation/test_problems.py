@@ -1,4 +1,6 @@
-"""Every registered problem is solved and must agree; and the problems see what they are there to see."""
+"""Every registered problem is solved and must agree; and the problems see what they are there to
+see.
+"""
 
 from __future__ import annotations
 
@@ -27,23 +29,33 @@ def findings(name: str) -> dict[str, Finding]:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * each.slow) for name, each in PROBLEMS.items()]
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * each.slow) for name, each in PROBLEMS.items()],
 )
 def test_every_registered_problem_agrees_with_its_source(name: str) -> None:
     for found in findings(name).values():
-        assert found.passed, f"{found.quantity}: {found.ours:.6g}, expected {found.target:.6g} +- {found.allowed:.2g}"
-        assert found.unknowns > 0 and found.allowed >= found.uncertainty >= 0  # else the target itself could fail
+        assert found.passed, (
+            f"{found.quantity}: {found.ours:.6g}, expected {found.target:.6g} +- "
+            f"{found.allowed:.2g}"
+        )
+        assert (
+            found.unknowns > 0 and found.allowed >= found.uncertainty >= 0
+        )  # else the target itself could fail
 
 
 def test_a_manufactured_solution_sees_straight_geometry() -> None:
-    """Middle nodes on chords cost the displacement a whole order: the arcs are part of what is verified."""
+    """Middle nodes on chords cost the displacement a whole order: the arcs are part of what is
+    verified.
+    """
     mesh = consistency.plate_mesh(0.1)
     straight = consistency.field_errors(on_chords(mesh)).displacement
     assert straight > 3 * consistency.field_errors(mesh).displacement
 
 
 def test_macneal_harder_1985_curved_beam_is_not_the_printed_beam_value() -> None:
-    """0.08734 is printed; plane stress gives 0.0885, as Golovin's exact field says without any mesh."""
+    """0.08734 is printed; plane stress gives 0.0885, as Golovin's exact field says without any
+    mesh.
+    """
     found = findings("macneal-harder-curved-beam")["end displacement, clamped, even load"]
     assert found.target == pytest.approx(0.0885, abs=1e-4) and abs(found.ours / 0.08734 - 1) > 0.01
 
@@ -93,21 +105,30 @@ def sheet() -> solvers.Sheet:
     [
         lambda mesh, plate: (mesh, plate._replace(poissons_ratio=0.3301)),
         lambda mesh, plate: (mesh, plate._replace(thickness=plate.thickness + 1e-5)),
-        lambda mesh, plate: (mesh._replace(edges=mesh.edges | {"ground": mesh.edges["ground"][:-1]}), plate),
+        lambda mesh, plate: (
+            mesh._replace(edges=mesh.edges | {"ground": mesh.edges["ground"][:-1]}),
+            plate,
+        ),
         lambda mesh, plate: (mesh._replace(nodes=mesh.nodes * [1.0, 1 + 1e-6]), plate),
     ],
     ids=["poissons ratio", "thickness", "an edge unclamped", "a millionth in geometry"],
 )
 def test_a_wrong_problem_is_seen_beside_ngsolve(sheet: solvers.Sheet, wrong) -> None:
     pytest.importorskip("ngsolve")
-    differences = solvers.against_ngsolve(sheet, solvers.ngsolve.solve(*wrong(sheet.mesh, sheet.plate)))
+    differences = solvers.against_ngsolve(
+        sheet, solvers.ngsolve.solve(*wrong(sheet.mesh, sheet.plate))
+    )
     assert differences["pose"] > solvers.NGSOLVE
 
 
 def test_rotations_differ_by_their_way_at_the_lever() -> None:
     """At a lever of 8 mm a rotation of 0.5 per N is 4 mm, and per N mm it counts 64 times."""
     ours = np.diag([4.0, 2.0, 0.01])
-    for entry, change, expected in (((0, 0), 0.25, 0.0625), ((2, 0), 0.5, 1.0), ((2, 2), 0.01, 0.16)):
+    for entry, change, expected in (
+        ((0, 0), 0.25, 0.0625),
+        ((2, 0), 0.5, 1.0),
+        ((2, 2), 0.01, 0.16),
+    ):
         theirs = ours.copy()
         theirs[entry] += change
         assert solvers.pose_difference(ours, theirs, 8.0) == pytest.approx(expected)
@@ -115,8 +136,9 @@ def test_rotations_differ_by_their_way_at_the_lever() -> None:
 
 def test_printed_displacements_are_sorted_and_mend_fortrans_long_exponents() -> None:
     printed = (
-        "\n displacements (vx,vy,vz) for set ALL and time  0.1000000E+01\n\n"
-        "         2  1.500000E+00 -2.500000-101  0.000000E+00\n         1  3.000000E-04  4.000000E+00  1.000000+100\n"
+        "\n displacements (vx,vy,vz) for set ALL and time  0.1000000E+01\n\n         2  "
+        "1.500000E+00 -2.500000-101  0.000000E+00\n         1  3.000000E-04  4.000000E+00  "
+        "1.000000+100\n"
     )
     (found,) = solvers.calculix.printed_displacements(printed, "all")
     np.testing.assert_array_equal(found, [[3e-4, 4.0], [1.5, -2.5e-101]])
