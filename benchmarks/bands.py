@@ -16,10 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from random_stages import unlike
 
-from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import Stage
 from flexfem.questions.bands import ORDER, command_convergence, error_matrix
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed

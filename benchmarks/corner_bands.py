@@ -21,16 +21,16 @@ import numpy as np
 from random_drives import with_drive
 from random_stages import dimensions, scattered
 
-from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
 from flexfem.design.proof import CORNER_COLUMNS, column_band
 from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
-from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.batch import elements, solved_design
+from flexfem.paper.responses import rates_of
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import plate_of
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
-from flexfem.questions.batch import elements, solved_design
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
 from flexfem.questions.life import cyclic_motion

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.model import network_of
 from flexfem.analytic.network import stiffness as at_output
-from flexfem.analytic.paper import freedoms_of
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.frames import frames
+from flexfem.paper.equations import freedoms_of
+from flexfem.paper.frames import frames
+from flexfem.paper.model import network_of
 
 
 def draw(count: int) -> dict[str, Any]:

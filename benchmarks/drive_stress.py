@@ -17,9 +17,9 @@ import numpy as np
 from random_drives import with_drive
 from random_stages import drawn
 
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.drives import drive_of
+from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
+from flexfem.paper.stage import Stage
 from flexfem.questions.drive import commanding, driven_elements
 from flexfem.refused import BadInput
 

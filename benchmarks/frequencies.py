@@ -19,14 +19,14 @@ from typing import NamedTuple
 import numpy as np
 from random_stages import unlike
 
-from flexfem.analytic.model import analyse
-from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array
 from flexfem.fem.modes import modes
-from flexfem.fem.stage_mesh import build_mesh
-from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.bodies import Payload
+from flexfem.paper.model import analyse
+from flexfem.paper.responses import dynamics
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import build_mesh
 from flexfem.questions.bands import ORDER
 from flexfem.questions.modes import frequency_convergence, vibrating
 from flexfem.refused import BadInput, ComputationFailed

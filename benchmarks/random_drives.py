@@ -13,10 +13,10 @@ import argparse
 import numpy as np
 from random_stages import described, drawn
 
-from flexfem.analytic.model import CALIBRATED, ModelChoice
 from flexfem.arrays import Array
-from flexfem.mechanism.bodies import centrelines
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.bodies import centrelines
+from flexfem.paper.model import CALIBRATED, ModelChoice
+from flexfem.paper.stage import Stage
 from flexfem.questions.drive import commanding, driven_elements, push_spread
 from flexfem.refused import BadInput
 

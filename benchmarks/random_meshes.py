@@ -21,7 +21,7 @@ from random_mechanisms import guide, legs, ring
 
 import flexfem
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.fem.stage_mesh import mesh_sectors
+from flexfem.paper.stage_mesh import mesh_sectors
 
 SHIPPED = Path(__file__).parents[1] / "geometry"
 RESOLUTIONS = (

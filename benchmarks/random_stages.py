@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import grid_convergence
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput

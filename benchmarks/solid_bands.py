@@ -19,7 +19,7 @@ from random_stages import unlike
 
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 from flexfem.questions.bands import ORDER, SolidLevels, solid_bands, solid_levels, solve_solid
 from flexfem.refused import BadInput, ComputationFailed
 

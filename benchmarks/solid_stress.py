@@ -19,12 +19,12 @@ from pathlib import Path
 import numpy as np
 from random_stages import dimensions
 
-from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
-from flexfem.fem.fields import neck_stresses
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.fields import neck_stresses
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import Stage, load_stage
 from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
 

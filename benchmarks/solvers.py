@@ -162,9 +162,9 @@ def measure(name: str, path: Path) -> tuple[float, float, float]:
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
     from flexfem.fem.elements import Plate
     from flexfem.fem.mesh import welded
-    from flexfem.fem.stage_mesh import mesh_sectors
     from flexfem.fem.structure import structure
-    from flexfem.mechanism.stage import load_feasible
+    from flexfem.paper.stage import load_feasible
+    from flexfem.paper.stage_mesh import mesh_sectors
 
     path = folder / f"{resolution}.pickle"
     sectors = mesh_sectors(load_feasible(STAGE), resolution, time_limit=600.0)

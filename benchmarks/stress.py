@@ -17,10 +17,10 @@ import numpy as np
 from random_stages import drawn
 
 import flexfem
-from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import Stage, load_stage
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"
 

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.model import CALIBRATED, analyse
+from flexfem.paper.stage import Stage
 from flexfem.plot.study import map_figure
 from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix

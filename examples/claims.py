@@ -27,19 +27,15 @@ import scipy.sparse as sp
 from scipy.stats import binomtest, ks_2samp
 
 import flexfem
-from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.large import at_pose, linear_errors, with_pose_axis
-from flexfem.analytic.model import (
-    CALIBRATED,
-    DEFAULT_FORMULA,
-    analyse,
-    assemble,
-    at_rest,
-    hinge_compliances,
-    in_range,
-    invalid_hinges,
-)
-from flexfem.analytic.paper import (
+from flexfem.arrays import Array, inverse
+from flexfem.fem.elements import Plate, sheet
+from flexfem.fem.factor import factorise
+from flexfem.fem.mesh import RESOLUTION, StageMesh, ordered, welded
+from flexfem.fem.response import Response, unit_response
+from flexfem.files.writing import markdown_table
+from flexfem.hinges.formulas import FORMULAS
+from flexfem.paper.designs import Designs, lower
+from flexfem.paper.equations import (
     AXIAL,
     PaperModel,
     apply,
@@ -51,20 +47,24 @@ from flexfem.analytic.paper import (
     split,
     stiffness,
 )
-from flexfem.analytic.responses import WarmBodies, WarmModel, drift
-from flexfem.arrays import Array, inverse
-from flexfem.fem.elements import Plate, sheet
-from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, StageMesh, ordered, welded
-from flexfem.fem.response import Response, unit_response
-from flexfem.fem.stage_mesh import mesh_sectors, plate_of
-from flexfem.files.writing import markdown_table
-from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.designs import Designs, lower
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.paper.equilibrium import at_pose, linear_errors, with_pose_axis
+from flexfem.paper.imposed import commanded_hinges, elements, imposed
+from flexfem.paper.links import body_compliance, edge_motions
+from flexfem.paper.model import (
+    CALIBRATED,
+    DEFAULT_FORMULA,
+    analyse,
+    assemble,
+    at_rest,
+    hinge_compliances,
+    in_range,
+    invalid_hinges,
+)
+from flexfem.paper.responses import WarmBodies, WarmModel, drift
+from flexfem.paper.stage import HINGE_NAMES, Stage
+from flexfem.paper.stage_mesh import mesh_sectors, plate_of
 from flexfem.questions.bands import error_bands, error_matrix, levels, solve_solid
 from flexfem.questions.budget import SOLID, thick_compliance
-from flexfem.questions.imposed import commanded_hinges, elements, imposed
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 

@@ -28,12 +28,16 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.importing.drawings import import_drawing as import_drawing
     from flexfem.importing.drawings import load as load
     from flexfem.mechanism.materials import Material as Material
-    from flexfem.mechanism.mechanism import Mechanism as Mechanism
-    from flexfem.mechanism.stage import Stage as Stage
-    from flexfem.models import analyse as analyse
-    from flexfem.models import errors as errors
-    from flexfem.models import solve as solve
+    from flexfem.mechanism.mechanism_file import Mechanism as Mechanism
+    from flexfem.mechanism.mechanism_file import MechanismFile as MechanismFile
     from flexfem.page.report import report as report
+    from flexfem.paper.experiment import experiment as experiment
+    from flexfem.paper.identify import identify as identify
+    from flexfem.paper.models import analyse as analyse
+    from flexfem.paper.models import errors as errors
+    from flexfem.paper.models import solve as solve
+    from flexfem.paper.stage import Stage as Stage
+    from flexfem.paper.verification import verification as verification
     from flexfem.questions.as_built import as_built as as_built
     from flexfem.questions.buckling import buckling as buckling
     from flexfem.questions.budget import budget as budget
@@ -41,12 +45,9 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.questions.compare import compare as compare
     from flexfem.questions.convergence import converge as converge
     from flexfem.questions.drive import drive as drive
-    from flexfem.questions.errors import verification as verification
-    from flexfem.questions.experiment import experiment as experiment
     from flexfem.questions.forces import forces as forces
     from flexfem.questions.gravity import gravity as gravity
     from flexfem.questions.heat import drift as drift
-    from flexfem.questions.identify import identify as identify
     from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life
     from flexfem.questions.modes import modes as modes
@@ -68,19 +69,19 @@ if TYPE_CHECKING:  # names that scripts may use, too; documented in their module
     from flexfem.mechanism.actuators import Actuator as Actuator
     from flexfem.mechanism.materials import materials as materials
     from flexfem.mechanism.materials import register_material as register_material
-    from flexfem.mechanism.stage_file import Chain as Chain
-    from flexfem.mechanism.stage_file import Hinge as Hinge
-    from flexfem.mechanism.stage_file import Hinges as Hinges
-    from flexfem.mechanism.stage_file import Override as Override
-    from flexfem.mechanism.stage_file import Platform as Platform
-    from flexfem.models import AnalyticModel as AnalyticModel
-    from flexfem.models import ElementModel as ElementModel
-    from flexfem.models import Errors as Errors
     from flexfem.page.report import plot_results as plot_results
+    from flexfem.paper.models import AnalyticModel as AnalyticModel
+    from flexfem.paper.models import ElementModel as ElementModel
+    from flexfem.paper.models import Errors as Errors
+    from flexfem.paper.stage_file import Chain as Chain
+    from flexfem.paper.stage_file import Hinge as Hinge
+    from flexfem.paper.stage_file import Hinges as Hinges
+    from flexfem.paper.stage_file import Override as Override
+    from flexfem.paper.stage_file import Platform as Platform
+    from flexfem.paper.verification import Verification as Verification
     from flexfem.questions.check import hinge_review as hinge_review
     from flexfem.questions.check import known_formulas as known_formulas
     from flexfem.questions.check import thickness_review as thickness_review
-    from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.modes import dynamic_model as dynamic_model
     from flexfem.results import Result as Result
     from flexfem.schemas import schema as schema

@@ -23,23 +23,24 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 import flexfem
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import brief
 from flexfem.fem.mesh import RESOLUTION, StageMesh, check_triangles
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
 from flexfem.fem.response import platform_response
-from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.files.refusals import checked_path, key_path, place_of
 from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import paths_in, read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
-from flexfem.mechanism.mechanism import Mechanism, load
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile, load
 from flexfem.mechanism.plate import components, plate_polygon
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.case import LoadedCase
+from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import build_mesh, plate_of
+from flexfem.paper.verification import run_case
 from flexfem.questions.bands import levels
-from flexfem.questions.case import LoadedCase
-from flexfem.questions.errors import run_case
 from flexfem.questions.plates import verification
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput, ComputationFailed
@@ -363,7 +364,7 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
             plate = load(path)
             questions = QUESTIONS
             if isinstance(
-                plate, Mechanism
+                plate, MechanismFile
             ):  # the summary repeats numbers of stiffness, modes and reach
                 questions = {
                     name: one
@@ -404,7 +405,7 @@ def _number(path: str, value: float, accepted: float) -> Number:
     return Number(path, value, np.nan, NONE, accepted, 0.0)
 
 
-def kept(plate: Stage | Mechanism, path: Path, folder: Path) -> Numbers:
+def kept(plate: Mechanism, path: Path, folder: Path) -> Numbers:
     """Return the compliance on the stored mesh, which is made if missing. Raises BadInput when it
     is damaged.
     """

@@ -22,11 +22,11 @@ from flexfem.files.writing import check_file, replacing, write_atomically
 from flexfem.mechanism.drawing import LETTER, Dimensions, Part, cut_path, dimensions_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
-from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism import Mechanism, of_stage
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.outlines import Segment, area, circle_of, disc, reverse
-from flexfem.mechanism.plate_file import of_stage
-from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import assumptions_said
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_file import assumptions_said
 from flexfem.refused import BadInput, ComputationFailed
 
 FORMATS = (".dxf", ".svg", ".step")
@@ -60,7 +60,7 @@ LINE = 0.1  # mm, line width in an SVG
 HEAD = 3.0  # length over width of an arrow head
 
 
-Plate: TypeAlias = Stage | Mechanism
+Plate: TypeAlias = Mechanism
 
 
 class PartReport(NamedTuple):
@@ -172,7 +172,7 @@ def export(
 
 def _with_holes(plate: Plate, diameter: float) -> Layout:
     """Return the layout of a stage with a hole in the middle of every pad."""
-    if isinstance(plate, Mechanism):
+    if isinstance(plate, MechanismFile):
         raise BadInput(
             f"mounting holes of {diameter:g} mm: expected a stage file; a mechanism states holes "
             "of bodies"

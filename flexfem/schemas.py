@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 
-from flexfem import questions
+from flexfem import paper, questions
 from flexfem.design.requirements import Requirements
 from flexfem.files.inputs import require_unread
 from flexfem.files.quantities import UNIT
@@ -28,12 +28,12 @@ from flexfem.files.refusals import SHOWN, as_toml, checked_path, one_line
 from flexfem.files.tables import Table
 from flexfem.files.writing import check_folder, write_atomically
 from flexfem.mechanism.materials import Entry
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import Override
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.case import Case
+from flexfem.paper.fixture import Fixture, Measurement
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_file import Override
 from flexfem.questions.as_built import Necks
-from flexfem.questions.case import Case
-from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.results import DRAFT, Result
 from flexfem.study.plan import Study
@@ -105,7 +105,7 @@ FORMATS = {
     "measured": Format(Measurement, "Measured slopes", SLOPES),
     "material": Format(Entry, "Materials file", MATERIALS, named="material"),
     "necks": Format(Necks, "Measured necks", NECKS),
-    "mechanism": Format(Mechanism, "Mechanism file", MECHANISMS),
+    "mechanism": Format(MechanismFile, "Mechanism file", MECHANISMS),
 }
 
 
@@ -189,8 +189,9 @@ def _lines(name: str) -> Iterator[str]:
 
 def results() -> dict[str, type[Result]]:
     """Return all kinds of results by name."""
-    for module in iter_modules(questions.__path__):
-        import_module(f"{questions.__name__}.{module.name}")
+    for room in (questions, paper):
+        for module in iter_modules(room.__path__):
+            import_module(f"{room.__name__}.{module.name}")
     return {
         name: one for name, one in Result.kinds.items() if one.__module__.startswith("flexfem.")
     }
@@ -211,7 +212,7 @@ def schema_of(name: str, inches: bool = True) -> dict[str, Any]:
     of = FORMATS[name]
     raw = of.model.model_json_schema(schema_generator=_Described)
     whole = _plain(
-        raw, "", raw.get("$defs", {}), EXPRESSIONS if of.model is Mechanism else "number"
+        raw, "", raw.get("$defs", {}), EXPRESSIONS if of.model is MechanismFile else "number"
     )
     if inches and "units" in whole["properties"]:
         whole = _or_inches(whole)

@@ -16,14 +16,14 @@ from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.importing.departure import drawn_polygon
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, require_no_reading
-from flexfem.mechanism.bodies import stage_layout
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
-from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism import Mechanism, located, of_stage
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import clashes
-from flexfem.mechanism.plate_file import located, of_stage
-from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.mechanism.unfinished import read_drawable
+from flexfem.paper.bodies import stage_layout
+from flexfem.paper.stage import Stage, load_stage
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, read_data
 
@@ -199,7 +199,7 @@ class _Drawable(NamedTuple):
     in a drawing.
     """
 
-    plate: Stage | Mechanism
+    plate: Mechanism
     layout: Layout | None
     missing: list[str]
     recognised: Recognised | None
@@ -214,7 +214,7 @@ def _drawable(source: Path, reading: Reading) -> _Drawable:
             plate.mechanism, None, [], Recognised(drawn_polygon(plate.found.drawing), plate.slender)
         )
     require_no_reading(source, reading)
-    if kind_of(read_toml(source).data) == Mechanism.kind:
+    if kind_of(read_toml(source).data) == MechanismFile.kind:
         return _Drawable(*read_drawable(source), None)
     return _Drawable(load_stage(source), None, [], None)
 
@@ -233,7 +233,7 @@ class MeshReport(NamedTuple):
     not_stated: list[str]
 
 
-def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = None) -> MeshReport:
+def mesh(stage: Mechanism, output: Path, *, resolution: int | None = None) -> MeshReport:
     """Mesh a stage or a mechanism and write it with groups: stage, ground and hub, or bodies,
     hinges and clamped edges.
 
@@ -252,14 +252,14 @@ def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = Non
     from flexfem.fem.export import check_format, write_mesh, write_plate_mesh
     from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.plate_mesh import mesh_layout
-    from flexfem.fem.stage_mesh import build_mesh, plate_of
+    from flexfem.paper.stage_mesh import build_mesh, plate_of
     from flexfem.questions import warnings as warning
 
     target = checked_path(output)
     finest = arguments.resolution(RESOLUTION if resolution is None else resolution)
     check_format(target)
     check_file(target)
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         with located(stage):
             made = mesh_layout(stage.layout, finest)
         write_plate_mesh(made, stage.layout, target)

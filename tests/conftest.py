@@ -25,7 +25,7 @@ from hypothesis import settings
 from typer.main import get_command
 
 from flexfem.commands import cli
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 
 ROOT = Path(__file__).parent.parent
 sys.path.append(str(ROOT / "benchmarks"))  # tests use some of these programs

@@ -13,7 +13,7 @@ from flexfem import baselines
 from flexfem.analytic.plates import hinge_compliance_of
 from flexfem.baselines import baseline, check, inputs_of, kept, kind_of, read, regression
 from flexfem.fem.ports import plate_of_layout
-from flexfem.mechanism.stage import load_feasible
+from flexfem.paper.stage import load_feasible
 from flexfem.questions.stiffness import stiffness
 from flexfem.refused import BadInput
 

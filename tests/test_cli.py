@@ -17,8 +17,8 @@ from rich.console import Console
 from flexfem import sources
 from flexfem.commands import cli
 from flexfem.commands.console import print_tables
-from flexfem.mechanism.stage import load_feasible
-from flexfem.questions.case import LoadedCase
+from flexfem.paper.case import LoadedCase
+from flexfem.paper.stage import load_feasible
 from flexfem.results import TextTable
 
 from .conftest import COMMAND_OF
@@ -319,7 +319,7 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         ),
         (["stiffness", STAGE, "--formla", "koster"], "--formula"),
         (["stiffness", STAGE, "no.toml"], "no.toml"),
-        (["stiffness"], "'STAGE'"),
+        (["stiffness"], "'FILE'"),
         (["stifness", STAGE], "Did you mean 'stiffness'?"),
         (
             ["summary", STAGE, "--models", "none"],

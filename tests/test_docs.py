@@ -19,8 +19,8 @@ import pytest
 from flexfem import load
 from flexfem.design.requirements import load_requirements
 from flexfem.files.writing import digest
-from flexfem.mechanism.stage import load_stage
-from flexfem.questions.fixture import fixture_of
+from flexfem.paper.fixture import fixture_of
+from flexfem.paper.stage import load_stage
 from flexfem.study.loaded import load_study
 
 ROOT = Path(__file__).parent.parent

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import analyse, hinge_compliance
-from flexfem.fem.fields import neck_stresses
 from flexfem.fem.response import platform_response
-from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.hinges.chart import thickness_factors as factors
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.fields import neck_stresses
+from flexfem.paper.model import analyse, hinge_compliance
+from flexfem.paper.stage import Stage, load_stage
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.model import analyse
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import load_stage
 from flexfem.questions.budget import CHART, SHARES
 
 ROOT = Path(__file__).parent.parent

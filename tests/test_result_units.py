@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import flexfem as api
-from flexfem import questions
-from flexfem.analytic.model import CALIBRATED, analyse
-from flexfem.analytic.responses import dynamics
+from flexfem import paper, questions
 from flexfem.baselines import _compared, _moved, _stored
-from flexfem.mechanism.bodies import Payload
+from flexfem.paper.bodies import Payload
+from flexfem.paper.model import CALIBRATED, analyse
+from flexfem.paper.responses import dynamics
 from flexfem.questions.plates import network
 from flexfem.results import AXES, About, Number, Result
 from flexfem.schemas import results
@@ -326,8 +326,13 @@ def test_the_document_of_stiffness_has_the_full_matrices_and_names_held_and_free
 
 def test_every_question_says_the_convention_and_names_its_result():
     said = set()
-    for module in pkgutil.iter_modules(questions.__path__):
-        of = importlib.import_module(f"flexfem.questions.{module.name}")
+    rooms = [
+        (room, each.name)
+        for room in (questions, paper)
+        for each in pkgutil.iter_modules(room.__path__)
+    ]
+    for room, module in rooms:
+        of = importlib.import_module(f"{room.__name__}.{module}")
         for name, function in vars(of).items():
             returned = str(getattr(function, "__annotations__", {}).get("return", "")).split(" | ")[
                 0

@@ -84,6 +84,7 @@ ON_DASK = (
 PYTHON_ONLY = ("executor", "law", "progress")  # parameters without an option
 TYPES: dict[str, Any] = {  # of parameters, for typer
     "stage": Path,
+    "mechanism": Path,
     "files": list[Path],
     "sections": list[str],
     "force_at": list[str],
@@ -99,12 +100,11 @@ MEASURED = {  # units of plain numbers of options, by direction for a vector
     "angle": (UNITS["deg"],),
     **dict.fromkeys(("kerf", "holes", "thickness", "tolerance"), (UNITS["mm"],)),
 }
-STAGE = {
-    "stage": (
-        "Stage or mechanism file, see flexfem schema stage and flexfem schema mechanism, or a "
-        "drawing."
-    )
-}
+SUBJECTS = ("mechanism", "stage")  # names of the parameter that is what a question is about
+ABOUT_SUBJECT = (
+    "Mechanism or stage file, see flexfem schema mechanism and flexfem schema stage, or a drawing."
+)
+STAGE = dict.fromkeys(SUBJECTS, ABOUT_SUBJECT)
 SHOWN = (
     "thickness",
     "material",
@@ -304,9 +304,9 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
             continue
         if hasattr(hint, "_fields"):
             yield from _of_record(hint, function)
-        elif name == "stage":
+        elif name in SUBJECTS:
             yield _parameter(
-                name, Annotated[hint, typer.Argument(help=texts[name], metavar="STAGE")], default
+                name, Annotated[hint, typer.Argument(help=texts[name], metavar="FILE")], default
             )
             yield from _of_record(flexfem.Reading, function)
         elif name == "output":
@@ -381,11 +381,14 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
     arguments = dict[str, Any]()
     positional = list[Any]()
     stem = name
+    subject: Any = None
     for parameter in inspect.signature(function).parameters.values():
         hint = hints[parameter.name]
-        if parameter.name == "stage":
-            arguments["stage"] = _loaded(given["stage"], _record(flexfem.Reading, function, given))
-            stem = f"{given['stage'].stem}-{name}"
+        if parameter.name in SUBJECTS:
+            path = given[parameter.name]
+            subject = _loaded(path, _record(flexfem.Reading, function, given))
+            arguments[parameter.name] = subject
+            stem = f"{path.stem}-{name}"
         elif hasattr(hint, "_fields"):
             arguments[parameter.name] = _record(hint, function, given)
         elif parameter.kind is parameter.VAR_POSITIONAL:
@@ -397,8 +400,8 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
             motion = MEASURED.get(parameter.name) is POSES and not isinstance(
                 given.get(parameter.name), str
             )
-            if stated and motion and "stage" in arguments:
-                _check_size(parameter.name, given[parameter.name], arguments["stage"])
+            if stated and motion and subject is not None:
+                _check_size(parameter.name, given[parameter.name], subject)
     pause = streams.EVERY if name in STUDY else 0.0
     with (
         streams.working("study" if pause else name, pause)

@@ -76,7 +76,7 @@ def _print(found: Any) -> None:
     """Print a result, a named tuple or a text, then its warnings and the counts of assumptions."""
     from rich.console import Console
 
-    from flexfem.mechanism.stage_file import assumptions_said
+    from flexfem.paper.stage_file import assumptions_said
     from flexfem.results import record_parts
 
     terminal = sys.stdout is not None and sys.stdout.isatty()  # in a file each sentence is a line

@@ -12,15 +12,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import at_rest, hinge_compliances
-from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array
 from flexfem.design.requirements import MASS, SCATTERED, Free, LoadedRequirements
 from flexfem.design.scatter import REFUSED, NeckScatter
-from flexfem.mechanism.bodies import drawn_inertia
-from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.feasibility import check_feasible, conditions
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.bodies import drawn_inertia
+from flexfem.paper.designs import Designs
+from flexfem.paper.equations import freedoms_of
+from flexfem.paper.model import at_rest, hinge_compliances
+from flexfem.paper.stage import Stage
 from flexfem.questions.bands import error_matrix
 from flexfem.results import Progress
 from flexfem.study.answer import answer_designs, for_stages, joined

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
 from flexfem.design import result as record
 from flexfem.design.model import MISSED, ROUND_OFF, Model
@@ -23,7 +22,8 @@ from flexfem.files.refusals import key_path, one_line, path_of
 from flexfem.files.tables import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.model import best_model
 from flexfem.questions.drive import commanding, push_spread
 from flexfem.questions.setup import sharp_roots
 from flexfem.questions.stiffness import stiffness
@@ -130,7 +130,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
     )
 
 
-def designed_stage(loaded: LoadedRequirements, values: Array) -> Stage | Mechanism:
+def designed_stage(loaded: LoadedRequirements, values: Array) -> Mechanism:
     """Return the plate of a design (d,); the provenance of its free dimensions is the design, else
     that of the base.
     """
@@ -455,7 +455,7 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
         if 100 * last.gap <= required.accuracy_percent:
             still = "a requirement is still not met with its band"
         warnings.append(f"after {len(rounds)} rounds {still}")
-    if isinstance(loaded.base, Mechanism):
+    if isinstance(loaded.base, MechanismFile):
         if rounds[0].proof.gap > DISTANT:
             far = (
                 f"model and finite elements differed by {100 * rounds[0].proof.gap:.3g} % in the "

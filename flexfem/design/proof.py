@@ -26,7 +26,7 @@ from flexfem.design.search import BestDesign, optimum
 from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, Progress
@@ -53,12 +53,12 @@ STRESS_COLUMNS = {*outputs.STRESSES, *outputs.RANGES, *outputs.LIVES}
 Row: TypeAlias = list[float] | Failure  # outputs of a study
 
 
-def solved(loaded: LoadedStudy, stage: Stage | Mechanism) -> Row:
+def solved(loaded: LoadedStudy, stage: Mechanism) -> Row:
     """Return the outputs of a study by finite elements; of a mechanism, with their bands after
     them.
     """
     try:
-        if isinstance(stage, Mechanism):
+        if isinstance(stage, MechanismFile):
             return [float(each) for each in extra_numbers(loaded, stage).T.flat]
         check_feasible(stage)
         return [float(value) for value in solved_values(stage, loaded)]
@@ -96,7 +96,7 @@ class ElementSolver:
         stage = stage.replace(model="plane_stress") if self.loaded.solid else stage
         studies = [self._study(*mesh) for mesh in self.meshes]
         names = (*studies[0].study.columns, *self.loaded.study.ask)
-        names += tuple(map(BAND.format, names)) if isinstance(stage, Mechanism) else ()
+        names += tuple(map(BAND.format, names)) if isinstance(stage, MechanismFile) else ()
         return [
             dict(zip(names, row, strict=True))
             for row in self._solved([(study, stage) for study in studies])
@@ -173,7 +173,7 @@ class ElementSolver:
         study = self.loaded
         return replace(study, study=study.study.model_copy(update=settings | dict(changes)))
 
-    def _solved(self, tasks: list[tuple[LoadedStudy, Stage | Mechanism]]) -> list[list[float]]:
+    def _solved(self, tasks: list[tuple[LoadedStudy, Mechanism]]) -> list[list[float]]:
         """Return the rows of outputs of the tasks; tasks with a known or stored result are not
         solved again.
         """

@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar, TypeAlias
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
 
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arguments import FINEST
 from flexfem.arrays import Array
 from flexfem.files.provenance import Assumptions
@@ -19,7 +18,8 @@ from flexfem.files.refusals import KeyPath, refusal, shown
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import PathLike, bad_key, validate
 from flexfem.mechanism.keys import keys
-from flexfem.questions.case import FORMULA, FormulaName, Mobility
+from flexfem.paper.case import FORMULA, FormulaName, Mobility
+from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, NAMED, Factor

@@ -15,15 +15,15 @@ import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 from scipy.special import ndtri
 
-from flexfem.analytic.model import hinge_compliances, network_of
 from flexfem.analytic.network import in_series
-from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
 from flexfem.hinges.chart import Compliance
-from flexfem.mechanism.designs import Designs
-from flexfem.mechanism.frames import Frames
-from flexfem.mechanism.stage import CHAINS, HINGE_NAMES
+from flexfem.paper.designs import Designs
+from flexfem.paper.equations import freedoms_of
+from flexfem.paper.frames import Frames
+from flexfem.paper.model import hinge_compliances, network_of
+from flexfem.paper.stage import CHAINS, HINGE_NAMES
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.loaded import INSIDE, LoadedStudy, monte_carlo, stage_of
 

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import Array, Index, brief
-from flexfem.mechanism.frames import CHAIN_TURN, turned
+from flexfem.paper.frames import CHAIN_TURN, turned
 from flexfem.refused import ComputationFailed
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from flexfem.fem.mesh import Sector, StageMesh, joined
 from flexfem.fem.response import factorised_stage
 from flexfem.fem.structure import Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import Space, full_space, whole_fields
-from flexfem.mechanism.frames import chain_rotation
+from flexfem.paper.frames import chain_rotation
 from flexfem.refused import ComputationFailed
 
 if TYPE_CHECKING:

@@ -36,7 +36,6 @@ from flexfem.fem.mesher import (
     Region,
     run_mesher,
 )
-from flexfem.fem.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, smaller_at
 from flexfem.mechanism.layout import Body, Layout, Move
 from flexfem.mechanism.outlines import SHORTEST, Segment, circle_of, polygon_points, reverse
 from flexfem.mechanism.plate import (
@@ -55,6 +54,7 @@ from flexfem.mechanism.plate import (
     section_middle,
     triangles_needed,
 )
+from flexfem.paper.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, smaller_at
 from flexfem.refused import ComputationFailed
 
 PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs

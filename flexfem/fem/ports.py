@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.body_stress import body_nodes
 from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, stress_tensor, von_mises
-from flexfem.fem.fields import highest_stress
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
 from flexfem.fem.response import HEAT_CASES, Factorised, Response, free_displacement, resultants_of
@@ -24,6 +23,7 @@ from flexfem.fem.structure import NONE, Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import full_space
 from flexfem.mechanism.layout import Joint, Layout, Patch
 from flexfem.mechanism.plate import in_hinge
+from flexfem.paper.fields import highest_stress
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses

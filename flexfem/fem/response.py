@@ -29,7 +29,7 @@ from flexfem.fem.elements import Layers, Plate, part_stresses
 from flexfem.fem.mesh import Sector, StageMesh, joined, nodes_on
 from flexfem.fem.structure import Mass, Structure, structure
 from flexfem.fem.symmetry import Space, chain_values, full_space, harmonic_spaces, whole_fields
-from flexfem.mechanism.frames import chain_rotation
+from flexfem.paper.frames import chain_rotation
 from flexfem.refused import ComputationFailed
 
 BALANCE = 1e-9  # relative tolerance of reactions against loads and of energy against work

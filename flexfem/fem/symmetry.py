@@ -21,7 +21,7 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.factor import Condensed, condense, dense
 from flexfem.fem.structure import Structure
-from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation
+from flexfem.paper.frames import CHAIN_TURN, chain_rotation
 
 
 class Space(NamedTuple):

@@ -13,9 +13,9 @@ from flexfem import arguments
 from flexfem.arrays import Array
 from flexfem.files.quantities import FLATTEST, STEEPEST
 from flexfem.hinges.chart import thickness_chart
-from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.materials import SWT, Material, materials
 from flexfem.mechanism.profiles import Concentration, concentration
+from flexfem.paper.designs import Designs
 from flexfem.refused import BadInput, printed
 
 

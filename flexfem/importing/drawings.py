@@ -21,11 +21,10 @@ from flexfem.importing.roles import Roles, Wishes, actuator_of, body_shape, poin
 from flexfem.importing.write import Heading, WrittenMechanism, in_order, written
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import materials
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism import load as load_file
+from flexfem.mechanism.mechanism import Mechanism, Origin
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.mechanism.mechanism_file import load as load_file
 from flexfem.mechanism.outlines import area
-from flexfem.mechanism.plate_file import Origin
-from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
 LARGEST_THICKNESS = 1e4  # mm
@@ -230,7 +229,7 @@ def is_drawing(path: PathLike) -> bool:
     return Path(path).suffix.lower() in DRAWINGS
 
 
-def load(path: PathLike, reading: Reading = NO_READING) -> Stage | Mechanism:
+def load(path: PathLike, reading: Reading = NO_READING) -> Mechanism:
     """Read and check a stage file or a mechanism file, whichever its keys show, or a drawing.
 
     Parameters
@@ -365,7 +364,7 @@ def assembled(found: FoundPlate, wishes: Wishes, heading: Heading) -> ImportedPl
     path = found.drawing.path
     roles = roles_of(found, wishes)
     made = written(found, roles, heading)
-    mechanism = Mechanism.model_validate(tomllib.loads(made.text))
+    mechanism = MechanismFile.model_validate(tomllib.loads(made.text))
     mechanism.__dict__["origin"] = Origin(os.fspath(path))
     check_feasible(mechanism)
     off = departure(drawn_polygon(found.drawing), fine_polygon(mechanism.layout))

@@ -12,10 +12,10 @@ import shapely
 
 from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import Segment, area, circle_of, offset, polygon_points
 from flexfem.mechanism.plate import extent, plate_polygon
-from flexfem.mechanism.plate_file import PlateFile
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
 
 TANGENT = 1e-6  # rad; bend below which two segments join smoothly
@@ -201,7 +201,7 @@ class Dimensions(NamedTuple):
     height: float
 
 
-def dimensions_of(plate: PlateFile, layout: Layout) -> Dimensions:
+def dimensions_of(plate: Mechanism, layout: Layout) -> Dimensions:
     """Return the dimensions of a plate, placed clear of each other and of its parts.
 
     layout : of the plate, perhaps with mounting holes in the pads of a stage.
@@ -220,7 +220,7 @@ def dimensions_of(plate: PlateFile, layout: Layout) -> Dimensions:
     return Dimensions(spans, labels, height)
 
 
-def spans_of(plate: PlateFile, layout: Layout, shape: Any) -> list[Span]:
+def spans_of(plate: Mechanism, layout: Layout, shape: Any) -> list[Span]:
     """Return the lengths of chain 1 of a stage and the width of its pad, with dimension lines
     beside its polygon.
 
@@ -240,7 +240,7 @@ def spans_of(plate: PlateFile, layout: Layout, shape: Any) -> list[Span]:
     return list(map(_rightwards, spans))
 
 
-def labels_of(plate: PlateFile, layout: Layout) -> Iterator[tuple[str, complex]]:
+def labels_of(plate: Mechanism, layout: Layout) -> Iterator[tuple[str, complex]]:
     """Yield the texts of the labels of a plate and their anchors.
 
     Hinges of a stage are labelled on chain 1 if all chains are identical, otherwise on every chain.

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from flexfem.arrays import Array
 from flexfem.files.tables import once
-from flexfem.mechanism.bodies import given_angles
-from flexfem.mechanism.designs import Designs, lower
+from flexfem.mechanism.mechanism import Mechanism, located
 from flexfem.mechanism.plate import check_layout
-from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of
+from flexfem.paper.bodies import given_angles
+from flexfem.paper.designs import Designs, lower
+from flexfem.paper.stage_file import HINGE_NAMES, StageContent, key_of
 from flexfem.refused import BadInput, printed
 
 PAIRS = list(combinations(product(range(3), range(3)), 2))  # of hinges, each (chain, position)
@@ -101,18 +101,18 @@ def conditions(designs: Designs) -> list[Condition]:
     return checks
 
 
-def check_feasible(plate: PlateFile) -> None:
+def check_feasible(plate: Mechanism) -> None:
     """Raise BadInput, with key, value and expectation, for a stage or a mechanism that cannot be
     made.
     """
-    if isinstance(plate, StageContent) or not isinstance(plate, PlateFile):
+    if isinstance(plate, StageContent) or not isinstance(plate, Mechanism):
         check_closed_form(plate)
     with located(plate):
         _check_parts(plate)
 
 
 @once
-def _check_parts(plate: PlateFile) -> None:
+def _check_parts(plate: Mechanism) -> None:
     check_layout(plate.layout)
 
 
@@ -120,7 +120,7 @@ def check_closed_form(stage: StageContent) -> None:
     """Raise BadInput for a stage that violates one of `conditions`; unlike `check_feasible`, draw
     no outlines.
     """
-    if isinstance(stage, PlateFile) and not isinstance(stage, StageContent):
+    if isinstance(stage, Mechanism) and not isinstance(stage, StageContent):
         raise BadInput(
             f"{stage.origin}: this is for the nine-hinge stage of a stage file, not for a mechanism"
         )

@@ -17,8 +17,9 @@ from flexfem.files.refusals import ABOUT, KeyPath, key_path, path_of, suggestion
 from flexfem.mechanism.actuators import Actuator, ActuatorNumbers
 from flexfem.mechanism.materials import FATIGUE
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import OF_ACTUATORS, Hinge, actuators_of
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.paper.stage_file import OF_ACTUATORS, Hinge, actuators_of
 
 PARAMETERS = ("parameters",)  # table of a mechanism file
 LIFE_CONSTANTS = FATIGUE[:3]  # in the order of `Designs.fatigue`
@@ -45,13 +46,13 @@ class Key(NamedTuple):
     element: int | None
     number: Limits
 
-    def places_in(self, stage: Stage | Mechanism) -> list[tuple[str, tuple[int, ...]]]:
+    def places_in(self, stage: Mechanism) -> list[tuple[str, tuple[int, ...]]]:
         """Return the fields of `designs.Designs` that the key sets, with indices; empty if no model
         uses the key.
 
         A key of a hinge or an actuator does not set the value of one that has its own override of
         that key. A key of a mechanism is a place itself."""
-        if isinstance(stage, Mechanism) or self.table == PARAMETERS:
+        if isinstance(stage, MechanismFile) or self.table == PARAMETERS:
             return [] if self.value_in(stage) is None else [(self.path, ())]
         if self.of_drive:
             return [("actuator", place) for place in self._actuators_in(stage)]
@@ -104,7 +105,7 @@ class Key(NamedTuple):
             and getattr(actuator, stated) is not None
         ]
 
-    def table_in(self, stage: Stage | Mechanism) -> Any:
+    def table_in(self, stage: Mechanism) -> Any:
         """Table of the stage that has the number, overrides applied; None where there is none."""
         table: Any = stage
         match self.table:
@@ -117,7 +118,7 @@ class Key(NamedTuple):
             table = getattr(table, name, None)
         return table
 
-    def value_in(self, stage: Stage | Mechanism) -> float | None:
+    def value_in(self, stage: Mechanism) -> float | None:
         """Value of the stage in file units; None where the stage uses a default, or has no such
         key.
         """
@@ -130,7 +131,7 @@ class Key(NamedTuple):
         value = value if self.element is None or value is None else value[self.element]
         return None if value is None else float(value) / self.number.factor
 
-    def set_in(self, changes: dict[str, Any], stage: Stage | Mechanism, value: float) -> None:
+    def set_in(self, changes: dict[str, Any], stage: Mechanism, value: float) -> None:
         """Set the number, in file units, in changes as `replace` takes them; other elements are
         those of the stage.
         """

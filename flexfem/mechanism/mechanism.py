@@ -1,498 +1,428 @@
-"""The mechanism: the content of a mechanism file, changed mechanisms, and the layout that both
-models read.
+"""What all files of plates share: sources of a registered material, origin, text, changes, hash,
+lines of refusals.
 """
 
 from __future__ import annotations
 
-import cmath
-import math
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
 
-import numpy as np
-import shapely
-from pydantic import BaseModel, Field, ModelWrapValidatorHandler, model_validator
+from pydantic import AfterValidator, BaseModel, WithJsonSchema, model_validator
 
-from flexfem.files.expressions import Evaluated, names_in, parameter_values
-from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
-from flexfem.files.refusals import key_path, nearest, place_of, shown, suggestion
-from flexfem.files.tables import UNCHANGEABLE, Label, Unchangeable, once
-from flexfem.files.toml import PathLike, kind_of, read_toml
-from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.layout import (
-    Body,
-    Constants,
-    Joint,
-    Layout,
-    LinearActuator,
-    Move,
-    Patch,
-    PayloadMass,
+from flexfem.files.expressions import Scaled
+from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import LONGEST, STATED
+from flexfem.files.refusals import (
+    as_key,
+    checked_path,
+    key_path,
+    path_of,
+    place_of,
+    refusal,
+    shown,
+    suggestion,
 )
-from flexfem.mechanism.materials import Material
-from flexfem.mechanism.mechanism_file import (
-    BodyHole,
-    Copies,
-    NamedPoint,
-    OutputPayload,
-    OutputPoint,
-    PlateActuator,
-    PlateBody,
-    PlateHinge,
-)
-from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
-from flexfem.mechanism.plate_file import PlateFile, located, read_plate
-from flexfem.mechanism.profiles import BadDimension, profile_of
-from flexfem.mechanism.scans import with_scanned_tables
-from flexfem.mechanism.stage import Stage, load_feasible
-from flexfem.mechanism.stage_file import Frame
+from flexfem.files.tables import KEPT, Unchangeable, plain
+from flexfem.files.toml import PathLike, bad_key, in_mm, paths_in, read_toml, validate
+from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
+from flexfem.mechanism.layout import Constants, Layout
+from flexfem.mechanism.materials import Material, sources_of, with_changes, with_material_of_file
 from flexfem.refused import BadInput
-from flexfem.units import without_unit
+from flexfem.units import DENSITY
 
-Reduction: TypeAlias = Literal["three_dimensional", "plane_stress", "plane_strain"]
-PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
-GROUND = "ground"  # carries actuators, also where no body has this name
-CUT = 1.02  # default height of a cut relative to the bodies or the profile
-CONTACT = 1 / 20  # default radius of a contact relative to the extent of its body
-ABSENT = -2  # number of a body that an unfinished file does not have; -1 is the ground outside
-MOST = 2000  # parts, copies included
+INCH = 25.4  # mm
 
 
-class Mechanism(PlateFile):
-    """A planar flexure mechanism that is cut from one plate; lengths in mm, `provenance` by key
-    path of the file.
+def _in_file(units: str) -> str:
+    if units != "mm":
+        raise refusal('"mm", or in a file "in"')
+    return units
 
-    Parts are given as dicts by the keys of the file, without their units: `body=[{"name": "ground",
-    "path": [(0, 0), (9, 0)], "width": 5.0, "fixed": True}]`; numbers are in mm, N, rad and tonne,
-    expressions in the unit of the file."""
 
-    kind: ClassVar[str] = "mechanism file"
+class Origin(NamedTuple):
+    """The file of a plate, None without one, and whether the content was changed since it was read."""
 
-    name: Label = Field(examples=["parallelogram"])
-    """Name of the mechanism in tables and figures"""
-    model: Reduction = "three_dimensional"
-    """Model of finite elements: `three_dimensional`, or plane ones: `plane_stress`, for a plate
-    that is thin compared with its necks, or `plane_strain`, for a plate whose faces are held """
-    thickness: Length = Field(alias="thickness_mm", examples=[10.0])
-    """Thickness of the plate"""
-    material: Material
-    """Material of the plate, isotropic; bodies and hinges may have one of their own"""
-    parameters: Annotated[Mapping[str, Unlimited], UNCHANGEABLE] = Field(
-        default_factory=Unchangeable, examples=[{"length_mm": 50.0, "gap_mm": "length / 2"}]
-    )
-    """Numbers by name, which other numbers of the file may use. A name ends in its unit, such as
-    _mm or _deg, or has none; expressions use it without the unit. Every number of the file may be
-    an expression in quotes, in the unit of its key: numbers, names, `+ - * / **`, brackets, abs,
-    sqrt, exp, log, log10, min, max, and sin, cos, tan, atan in degrees """
-    body: tuple[PlateBody, ...] = Field(min_length=1)
-    """A body; bodies may be drawn as far as the centres of hinges, which cut them"""
-    hinge: tuple[PlateHinge, ...] = ()
-    """A hinge between two bodies"""
-    copies: tuple[Copies, ...] = Field(default=(), alias="copy")
-    """Copies of parts, rotated or mirrored; several of them apply in their order"""
-    actuator: tuple[PlateActuator, ...] = ()
-    """A linear actuator between two bodies, or between the ground and a body"""
-    output: OutputPoint
-    """Point at which the mechanism is loaded and its pose is read"""
-    frame: Frame = Field(default_factory=Frame)
-    """Frame to which the plate is fixed. Only thermal drift uses it"""
-    payload: OutputPayload | None = None
-    """Rigid payload at the output"""
-    point: tuple[NamedPoint, ...] = ()
-    """Another point whose motion is read"""
+    path: str | None = None
+    changed: bool = False
 
-    @model_validator(mode="wrap")
+    def __str__(self) -> str:
+        return "" if self.path is None else self.path + ", changed" * self.changed
+
+
+class Mechanism(Sourced):
+    """A planar flexure mechanism that is cut from one plate: what every question is about.
+
+    Each kind of file that describes one is a subclass, with a layout by its own keys.
+    """
+
+    kind: ClassVar[str]  # of file, such as "mechanism file"
+    _drawn: ClassVar[type[Mechanism]]  # the kind whose keys are bodies and hinges
+
+    if TYPE_CHECKING:
+        name: str
+        model: str
+        thickness: float
+        material: Material
+
+    units: Annotated[str, AfterValidator(_in_file), WithJsonSchema({"enum": ["mm", "in"]})] = "mm"
+    """Unit of lengths. In a file with `"in"` the keys of lengths end in `_in` instead of `_mm`, and
+    expressions are in inches; all output is in mm """
+
+    def __new__(cls, *_: Any, **content: Any) -> Self:
+        """Make a mechanism of bodies and hinges, as `pathlib.Path` makes one of its kinds."""
+        kind: Any = cls._drawn if cls is Mechanism else cls
+        made: Self = super().__new__(kind)
+        return made
+
+    @model_validator(mode="before")
     @classmethod
-    def _with_parameters(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        stated = data.get("parameters", {}) if isinstance(data, dict) else {}
-        token = KNOWN.set(parameter_values(stated) if isinstance(stated, Mapping) else {})
-        try:
-            return handler(data)
-        finally:
-            KNOWN.reset(token)
+    def _add_registered_sources(cls, data: Any) -> Any:
+        material, stated = (
+            (data.get(key) for key in ("material", "provenance"))
+            if isinstance(data, dict)
+            else (0, 0)
+        )
+        name = (
+            material.get("name")
+            if isinstance(material, dict)
+            else getattr(material, "name", material)
+        )
+        sources = sources_of(name) | _sources_of_parts(data)
+        if not sources or not isinstance(stated, dict | None):
+            return data
+        return data | {"provenance": sources | (stated or {})}
 
-    def replace(self, **changes: Any) -> Mechanism:
-        """Return a changed mechanism, validated; expressions are computed again from the
-        parameters.
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        for array, members in self:
+            named = (
+                [part for part in members if hasattr(part, "name")]
+                if isinstance(members, tuple)
+                else []
+            )
+            for index, part in enumerate(named):
+                if part.name in [other.name for other in named[:index]] or (array, part.name) == (
+                    "point",
+                    "output",
+                ):
+                    raise refusal(f"a name that no other {array} has", array, index, "name")
+        return self
 
-        Parameters
-        ----------
-        **changes : by attribute name, in mm, N, MPa and rad: `thickness=12.0`,
-        `material="ti-6al-4v"`,
-            `parameters={"length_mm": 60.0}` in the unit of the name, `hinge={"left": {"neck":
-            0.4}}` for named parts. A sequence replaces all parts.
+    @cached_property
+    def origin(self) -> Origin:
+        """Origin of the content; not part of its hash, and ignored when plates are compared."""
+        return Origin()
 
-        Raises
-        ------
-        BadInput
-            A name is not known, a value is not possible, or the mechanism cannot be made. A new
-            parameter must be used by an expression.
-        """
-        changed = self._replaced(changes)
-        for key in changed.parameters:
-            if key not in self.parameters and key in changed.unused_parameters:
-                near = nearest(key, self.parameters) or "; there are none"
-                raise BadInput(
-                    f"{key_path(('parameters', key))} is an unknown parameter{near}",
-                    str(changed.origin),
-                )
-        check_feasible(changed)
-        return changed
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} "
+            f"{self.name!r}{f' of {self.origin}' if self.origin.path else ''}>"
+        )
+
+    __str__ = __repr__
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the physical content, expressions evaluated; its name, parameters and
-        provenance are excluded.
-        """
-        return self._digest({"parameters"}, exclude_none=True)
+        """SHA-256 of the physical content."""
+        raise NotImplementedError
 
     @property
-    def stated_hash(self) -> str:
-        """SHA-256 of the physical content with parameters and texts of expressions, on which its
-        designs depend.
-        """
-        return self._digest(set(), exclude_none=True, context=STATED)
-
-    @property
-    def unused_parameters(self) -> tuple[str, ...]:
-        """Keys of the parameters on which no number of the mechanism depends."""
-        keys = {without_unit(key): key for key in self.parameters}
-        texts = [text for name, value in self if name != "parameters" for text in _texts(value)]
-        used = set[str]()
-        while texts:
-            found = {keys[name] for name in names_in(texts.pop())} - used
-            used |= found
-            texts += [text for key in found for text in _texts(self.parameters[key])]
-        return tuple(key for key in self.parameters if key not in used)
-
-    @property
-    @once
     def layout(self) -> Layout:
-        """The mechanism with parameters, copies and outlines resolved, as both models read it.
+        """The plate with all its parts in place. Raises BadInput for parts that cannot be drawn."""
+        raise NotImplementedError
 
-        Raises BadInput, naming file, line and key, for parts that do not fit together.
+    @property
+    def lever(self) -> float:
+        """Lever, mm: a rotation times it is comparable with a translation."""
+        return self.layout.lever
+
+    def answering(self, question: str) -> Callable[..., Any] | None:
+        """Return the function that answers a question in the way of this kind of file, if there is one.
+
+        It takes this mechanism and, by name, those options of the question that apply to it.
         """
-        with located(self):
-            return layout_of(self)
+        return None
 
+    @property
+    def plane_problem(self) -> dict[str, Any]:
+        """Thickness and material of the `Layout`."""
+        constants = self.constants_of(self.material)._asdict()
+        constants.pop("name")
+        residual_stress = self.material.residual_stress or 0.0
+        return {"thickness": float(self.thickness), **constants, "residual_stress": residual_stress}
 
-def _texts(value: Any) -> Iterator[str]:
-    """Yield the texts of all expressions in a value of a table."""
-    if isinstance(value, Evaluated):
-        yield value.text
-    elif isinstance(value, BaseModel):
-        yield from (text for _, inner in value for text in _texts(inner))
-    elif isinstance(value, tuple):
-        yield from (text for inner in value for text in _texts(inner))
-
-
-def read_mechanism(path: PathLike) -> Mechanism:
-    """Read a mechanism file whose bodies and hinges need not fit together. Raises BadInput as
-    `load_mechanism`.
-    """
-    mechanism = read_plate(Mechanism, path, partial(with_scanned_tables, path))
-    _ = mechanism.layout
-    return mechanism
-
-
-def load_mechanism(path: PathLike) -> Mechanism:
-    """Read a mechanism file. Raises BadInput, naming file, line, key, value and expectation, for
-    invalid content.
-    """
-    check_feasible(mechanism := read_mechanism(path))
-    return mechanism
-
-
-def load(path: PathLike) -> Stage | Mechanism:
-    """Read and check a stage file or a mechanism file, whichever its keys show.
-
-    Raises BadInput, one line with file, line, key and expected value.
-
-    Examples
-    --------
-    >>> import flexfem
-    >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
-    (30.0, 32.0, 24.0)
-    """
-    kind = kind_of(read_toml(path).data, Stage.kind) or Stage.kind
-    if kind not in (Stage.kind, Mechanism.kind):
-        raise BadInput(f"{place_of(path)}: this is a {kind}, expected a stage or mechanism file")
-    return load_mechanism(path) if kind == Mechanism.kind else load_feasible(path)
-
-
-class PlacedPart(NamedTuple):
-    """A part or a copy of one: its table, the names of its bodies, its place, and the name of the
-    part it copies.
-    """
-
-    name: str
-    kind: str
-    table: Any
-    bodies: tuple[str, ...]
-    key: str
-    original: str
-    move: Move = Move()
-
-
-def layout_of(mechanism: Mechanism, missing: list[str] | None = None) -> Layout:
-    """Return the layout of a mechanism. Raises BadInput for parts that do not fit together.
-
-    missing : for drawings of an unfinished file, a list to which the bodies are added that parts
-    name and that are not
-        there, instead of a refusal. A hinge is then without this body, and other parts on it are
-        left out.
-    """
-    placed = _parts(mechanism)
-    parts = {kind: [part for part in placed if part.kind == kind] for kind in PARTS}
-    index = {part.name: k for k, part in enumerate(parts["body"])}
-    bodies = tuple(_body(part, mechanism) for part in parts["body"])
-
-    def body_of(name: str, key: str) -> int:
-        if name in index:
-            return index[name]
-        text = f"{key} = {shown(name)}, expected the name of a body{nearest(name, index)}"
-        if missing is None:
-            raise BadInput(text)
-        missing.append(text)
-        return ABSENT
-
-    joints = list[Joint]()
-    for part in parts["hinge"]:
-        first, second = (
-            body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies)
+    def constants_of(self, material: Material) -> Constants:
+        """Return the constants of a material: plane strain is plane stress with other elastic
+        constants.
+        """
+        E = material.youngs_modulus
+        nu = material.poissons_ratio
+        strain = self.model == "plane_strain"
+        return Constants(
+            youngs_modulus=E / (1 - nu**2) if strain else E,
+            poissons_ratio=nu / (1 - nu) if strain else nu,
+            density=DENSITY * material.density,
+            yield_strength=material.yield_strength,
+            out_of_plane=nu if strain else 0.0,
+            expansion=material.expansion,
         )
-        joints.append(
-            _joint(part, (first, second), bodies)._replace(material=_material(part, mechanism))
+
+    def _digest(
+        self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any
+    ) -> str:
+        """Return the SHA-256 of `model_dump` with `options`, without names, sources, expansions and
+        excluded keys.
+        """
+        left_out = {"name", "units", "provenance", "frame", *excluded}
+        content = self.model_dump(exclude=left_out, **options) | dict(more or {})
+        return digest(canonical(_without_names_of_materials(content)))
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a validated copy with values replaced by name; it has no file, and its feasibility
+        is not checked.
+        """
+        return self._with_content(
+            {name: getattr(self, name) for name in self.model_fields_set} | dict(update or {})
         )
-    output = mechanism.output
-    points = list[tuple[str, Patch]]()
-    for part in (
-        PlacedPart("output", "point", output, (output.body,), "output", "output"),
-        *parts["point"],
-    ):
-        place = part.move(complex(*part.table.at))
-        body = body_of(part.bodies[0], f"{part.key}.body")
-        if body == ABSENT:
-            continue
-        found = Patch(body, place, part.table.contact)
-        points.append(
-            (
-                part.name,
-                _contact(found, bodies, f"{part.key}.at_mm") if part.table.contact else found,
-            )
-        )
-    if points and bodies[points[0][1].body].fixed:
-        raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
-    index.setdefault(GROUND, next((k for k, body in enumerate(bodies) if body.fixed), -1))
-    actuators = list[LinearActuator]()
-    for part in parts["actuator"]:
-        places = [part.move(complex(*point)) for point in part.table.at]
-        ends = [
-            body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies)
+
+    def _with_content(self, content: dict[str, Any], mark: bool = False) -> Self:
+        """Return a table of this content, without the provenance of keys of this one that no longer
+        exist.
+
+        mark : whether changed values lose the sources of this one.
+        """
+        sources = content.pop("provenance", {})
+        if not isinstance(sources, Mapping):
+            return type(self)(**content, provenance=sources)  # which refuses it
+        table = type(self)(**content)
+        kept = {
+            key: source
+            for key, source in sources.items()
+            if key not in self.provenance or key in table.entries
+        }
+        if not kept.items() <= self.provenance.items():  # sources of the caller, which are checked
+            table = type(self)(**content, provenance=kept)
+        else:
+            table = table._with_provenance({**table.provenance, **kept})
+        if not mark:
+            return table
+        before = self.values
+        stated = table.sources
+        changed = [
+            key
+            for key, value in table.values.items()
+            if before.get(key) != value and stated[key] is not None
         ]
-        if ABSENT in ends:
-            continue
-        patches = map(Patch, ends, places, [part.table.contact] * 2)
-        near, far = (
-            _contact(patch, bodies, f"{part.key}.at_mm[{side}]")
-            for side, patch in enumerate(patches)
-        )
-        direction = (places[1] - places[0]) / abs(places[1] - places[0])
-        rating = part.table.rating._asdict()
-        actuators.append(
-            LinearActuator(
-                part.name,
-                (near, far),
-                direction,
-                mass=part.table.mass,
-                key=part.key,
-                preload=float(part.table.preload or 0.0),
-                **rating,
-            )
-        )
-    load = mechanism.payload
-    return Layout(
-        bodies=bodies,
-        joints=tuple(joints),
-        points=tuple(points),
-        actuators=tuple(actuators),
-        payloads=tuple(
-            PayloadMass(at, load.mass, load.inertia)
-            for name, at in points
-            if load and name == "output"
-        ),
-        wide=mechanism.model == "three_dimensional",
-        **mechanism.plane_problem,
-    )
+        sources = {**table.provenance, **dict.fromkeys(changed, "replaced in Python")}
+        registered = sources_of(table.material.name)
+        if registered and table.material != self.material:
+            sources = registered | {
+                key: text for key, text in sources.items() if not key.startswith("material")
+            }
+        return table._with_provenance(sources)
 
+    def _with_provenance(self, sources: Mapping[str, str]) -> Self:
+        """Return this table with sources by its own key paths, which are not checked."""
+        changed = BaseModel.model_copy(self, update={"provenance": Unchangeable(sources)})
+        changed.__dict__.pop(KEPT, None)
+        return changed
 
-def _parts(mechanism: Mechanism) -> list[PlacedPart]:
-    """Return all parts and their copies."""
-    found = list[PlacedPart]()
-    for kind in PARTS:
-        for index, table in enumerate(getattr(mechanism, kind)):
-            bodies = () if kind == "body" else (table.body,) if kind == "point" else table.between
-            found.append(
-                PlacedPart(
-                    table.name, kind, table, bodies, key_path((kind, index), mechanism), table.name
-                )
+    def merged(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the stated content by attribute names, with changes as `replace` takes them.
+        Raises BadInput.
+        """
+        content = self.model_dump(exclude_unset=True, exclude_none=True, context=STATED)
+        given = plain(changes, tables=True)
+        if "material" in given:
+            value = given.pop("material")
+            content["material"] = (
+                with_changes(content["material"], value)
+                if isinstance(value, dict)
+                else {"name": value}
             )
-    counts = Counter((part.kind, part.original) for part in found)
-    for index, copies in enumerate(mechanism.copies):
-        names = {part.name for part in found}
-        for place, name in enumerate(copies.parts):
-            if name not in names or name in copies.parts[:place]:
-                expected = (
-                    f"the name of a part{suggestion(name, names)}"
-                    if name not in names
-                    else "each part once"
-                )
-                raise BadInput(f"copy[{index}].parts[{place}] = {shown(name)}, expected {expected}")
-        originals = [part for part in found if part.name in copies.parts]
-        taken = {(part.kind, part.name) for part in found}
-        if len(found) + len(originals) * (int(copies.count or 2) - 1) > MOST:
+        for name, value in given.items():
+            if isinstance(value, dict) and isinstance(getattr(self, name, None), tuple):
+                given[name] = self._members_changed(name, content.get(name, []), value)
+        return dict(merged_tables(content, given))
+
+    def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
+        """Return the members of an array changed by their names; the changes where the members have
+        none.
+        """
+        if not all("name" in part for part in members):
+            return changes
+        names = [part["name"] for part in members]
+        for name, values in changes.items():
+            if name not in names:
+                near = suggestion(as_key(name), names) or f", expected one of {names}"
+                raise BadInput(f"{array}: no {shown(name)}{near}")
+            if not isinstance(values, dict):
+                raise BadInput(f"{array}: {shown(name)} = {shown(values)}, expected a table")
+        return [{**part, **changes.get(part["name"], {})} for part in members]
+
+    def _replaced(self, changes: Mapping[str, Any]) -> Self:
+        """Return a changed table with the origin of this one. Raises BadInput, which names the
+        origin.
+        """
+        content = self.merged(changes)
+        origin = self.origin._replace(changed=self.origin.path is not None)
+        try:
+            changed = self._with_content(content, mark="provenance" not in changes)
+        except BadInput as refused:
             raise BadInput(
-                f"copy[{index}].parts, expected at most {MOST} parts in all, copies included"
+                refused.reason.removeprefix(f"{type(self).__name__}: "), str(origin)
+            ) from None
+        changed.__dict__["origin"] = origin
+        return changed
+
+    def to_toml(self) -> str:
+        """Return the text of a file that reads back as an equal table with the same hash, bit for
+        bit.
+        """
+        content = self.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+        sources = content.pop("provenance", {})
+        return toml_text(content | ({"provenance": sources} if sources else {}))
+
+    def save(self, path: PathLike) -> None:
+        """Write `to_toml` to a file. Raises BadInput when its folder does not exist or is not
+        writable.
+        """
+        target = checked_path(path)
+        check_file(target)
+        write_atomically(target, lambda file: file.write(self.to_toml().encode()))
+
+    def __hash__(self) -> int:
+        """Hash consistently with equality, so that a plate can be a key."""
+        return hash(self.hash)
+
+
+def _sources_of_parts(data: Any) -> dict[str, str]:
+    """Return the provenance of registered materials of bodies and hinges by key path."""
+    found = dict[str, str]()
+    for array in ("body", "hinge"):
+        parts = data.get(array) if isinstance(data, dict) else None
+        for index, part in enumerate(parts if isinstance(parts, list | tuple) else ()):
+            material = (
+                part.get("material") if isinstance(part, dict) else getattr(part, "material", None)
             )
-        for move in _moves(copies):
-            new = dict[tuple[str, str], str]()
-            for part in originals:
-                counts[part.kind, part.original] += 1
-                name = f"{part.original} {counts[part.kind, part.original]}"
-                if (part.kind, name) in taken:
-                    raise BadInput(
-                        f"copy[{index}].parts, expected no other {part.kind} {shown(name)}, a "
-                        "copy's name"
-                    )
-                new[part.kind, part.name] = name
-            for part in originals:
-                bodies = tuple(new.get(("body", name), name) for name in part.bodies)
-                moved = part._replace(
-                    name=new[part.kind, part.name], bodies=bodies, move=move.after(part.move)
-                )
-                found.append(moved)
+            name = (
+                material.get("name")
+                if isinstance(material, dict)
+                else getattr(material, "name", material)
+            )
+            above = key_path((array, index), data)
+            found |= {f"{above}.{key}": text for key, text in sources_of(name).items()}
     return found
 
 
-def _moves(copies: Copies) -> Iterator[Move]:
-    if copies.mirror is not None:
-        first, second = (complex(*point) for point in copies.mirror)
-        turn = (second - first) / (second - first).conjugate()
-        yield Move(turn, first - turn * first.conjugate(), mirrored=True)
-        return
-    count = int(copies.count or 1)
-    about = complex(*(copies.about or (0.0, 0.0)))
-    for k in range(1, count):
-        turn = cmath.exp(1j * k * (2 * np.pi / count if copies.angle is None else copies.angle))
-        yield Move(turn, about - turn * about)
+def _without_names_of_materials(content: Any) -> Any:
+    """Return a content whose materials, also those of its parts, have no name, expansion and
+    missing number.
+    """
+    if isinstance(content, list | tuple):
+        return [_without_names_of_materials(each) for each in content]
+    if not isinstance(content, dict):
+        return content
+    found = {key: _without_names_of_materials(value) for key, value in content.items()}
+    if isinstance(material := found.get("material"), dict):
+        unused = ("name", "expansion")
+        found["material"] = {
+            key: v for key, v in material.items() if key not in unused and v is not None
+        }
+    return found
 
 
-def _material(part: PlacedPart, mechanism: Mechanism) -> Constants | None:
-    """Return the constants of a part with a material of its own."""
-    material = part.table.material
-    if material is None or material == mechanism.material:
-        return None
-    if material.residual_stress or mechanism.material.residual_stress:
+def merged_tables(old: Any, new: Any) -> Any:
+    """Return nested tables with the values of others."""
+    if not isinstance(old, dict) or not isinstance(new, dict):
+        return new
+    return old | {key: merged_tables(old.get(key), value) for key, value in new.items()}
+
+
+def of_stage(plate: Mechanism) -> dict[str, Any]:
+    """Description of the stage in every result: file, name, and assumed and unstated numbers."""
+    assumptions = {"assumed": list(plate.assumed), "not_stated": list(plate.not_stated)}
+    return {"file": str(plate.origin), "name": plate.name, **assumptions}
+
+
+@contextmanager
+def located(plate: Mechanism) -> Iterator[None]:
+    """Prefix BadInput messages that begin with a key path with the file and line of the plate."""
+    try:
+        yield
+    except BadInput as refused:
+        path, changed = plate.origin
+        if refused.located or path is None:
+            raise
+        line = None
+        key = re.match(r"(?:\.?\w+|\[\d+\])*", str(refused))
+        with suppress(BadInput):  # the file no longer exists or has changed
+            file = read_toml(path)
+            line = file.line(path_of(key[0] if key else "", file.data))
         raise BadInput(
-            f"{part.key}.material, expected that of the plate: a residual stress is one of all "
-            "parts"
-        )
-    return mechanism.constants_of(material)._replace(name=material.name)
+            str(refused), str(plate.origin) if changed else place_of(path, line)
+        ) from None
 
 
-def _body(part: PlacedPart, mechanism: Mechanism) -> Body:
-    table: PlateBody = part.table
-    outline = _outline(table, part.move, part.key)
-    holes = [
-        _outline(hole, part.move, f"{part.key}.holes[{k}]").loop
-        for k, hole in enumerate(table.holes)
-    ]
-    clamped = list[int]()
-    for k, edge in enumerate(table.clamped_edges):
-        segments = outline.edges[edge - 1]
-        if not segments:
-            raise BadInput(
-                f"{part.key}.clamped_edges[{k}] = {edge}, expected an edge that its fillets leave "
-                "straight"
+Plate = TypeVar("Plate", bound=Mechanism)
+
+
+def read_plate(
+    model: type[Plate], path: PathLike, completed: Callable[[Any], Any] | None = None
+) -> Plate:
+    """Read a file of a plate, with the material of another file, and note where it came from.
+
+    completed : adds the content of further files.
+
+    Raises BadInput as `validate`.
+    """
+
+    def whole(data: dict[str, Any]) -> dict[str, Any]:
+        found = with_material_of_file(path, in_millimetres(path, data))
+        return found if completed is None else dict(completed(found))
+
+    plate = validate(model, path, whole)
+    plate.__dict__["origin"] = Origin(os.fspath(path))
+    return plate
+
+
+def in_millimetres(path: PathLike, data: dict[str, Any]) -> Any:
+    """Return the content of a file in mm. Raises BadInput for a key in mm in a file with `units =
+    "in"`.
+    """
+    if data.get("units") != "in":
+        return data
+    for at in paths_in(data):
+        if str(at[-1]).endswith("_mm") and at[0] != "provenance":
+            raise bad_key(
+                path, at, f'{key_path(at, data)}, expected a key that ends in _in: units = "in"'
             )
-        clamped += segments
-    loops = tuple(tuple(reverse(hole)) for hole in holes)
-    width = None if table.width is None else float(table.width)
-    edges = tuple(sorted(clamped))
-    material = _material(part, mechanism)
-    return Body(
-        part.name, tuple(outline.loop), loops, table.fixed, edges, width, part.key, material
+    kept = {
+        key: data[key] for key in ("parameters", "provenance") if key in data
+    }  # parameters are in their own units
+    if isinstance(sources := kept.get("provenance"), dict):
+        kept["provenance"] = {
+            key if key.startswith("parameters") else in_mm(key): sources[key] for key in sources
+        }
+    return _metric({key: data[key] for key in data if key not in ("units", *kept)}) | kept
+
+
+def _metric(value: Any, key: str = "") -> Any:
+    """Return a value with lengths, whose keys end in _in, in mm; an expression is multiplied."""
+    if isinstance(value, list):
+        return [_metric(each, key) for each in value]
+    if isinstance(value, dict):
+        return {in_mm(name): _metric(each, name) for name, each in value.items()}
+    if not key.endswith("_in") or isinstance(value, bool):
+        return value
+    if isinstance(value, str):
+        return Scaled(value, INCH)
+    return (
+        float(f"{INCH * value:.15g}")
+        if isinstance(value, int | float) and abs(value) < LONGEST
+        else value
     )
-
-
-def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
-    if table.centre is not None and table.radius is not None:
-        return disc(move(complex(*table.centre)), table.radius)
-    path = table.path if isinstance(table, PlateBody) else None
-    corners = path or table.outline or ()
-    points = [move(complex(*corner[:2])) for corner in corners]
-    radii = [(*corner, 0.0)[2] for corner in corners]
-    side = -1.0 if move.mirrored else 1.0
-    bows = [side * (*corner, 0.0, 0.0)[3] for corner in corners]
-    try:
-        if isinstance(table, PlateBody) and table.width is not None:
-            return bar(points, radii, table.width)
-        return rounded(points, radii, bows)
-    except ValueError as error:
-        k, expected = error.args
-        name = "outline_mm" if path is None else "path_mm"
-        raise BadInput(
-            f"{key}.{name}[{k}] = {shown(list(corners[k]))}, expected {expected}"
-        ) from None
-
-
-def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> Joint:
-    table: PlateHinge = part.table
-    if part.bodies[0] == part.bodies[1]:
-        raise BadInput(f"{part.key}.between = {shown(list(part.bodies))}, expected two bodies")
-    try:
-        profile = profile_of(table.shape, table.dimensions)
-        if part.move.mirrored:
-            profile = profile.mirrored
-    except BadDimension as error:
-        key = f"{part.key}.{PlateHinge.model_fields[error.key].alias or error.key}"
-        value = getattr(table, error.key)
-        value = math.degrees(value) if error.key == "angle" and value is not None else value
-        raise BadInput(
-            f"{key}{'' if value is None else f' = {shown(value)}'}, expected {error.expected}"
-        ) from None
-    off_axis = float(2 * np.abs(profile.middle(np.array([-0.5, 0.5]) * profile.length)).max())
-    widest = max(
-        profile.least_cut, *(off_axis + (bodies[k].width or 0.0) for k in ends if k != ABSENT)
-    )
-    cut = CUT * widest if table.cut is None else float(table.cut)
-    if cut < profile.least_cut:
-        least = f"{profile.least_cut:g}, the height of the profile at its ends"
-        if not profile.symmetric:
-            least = f"{profile.least_cut:g}, twice the largest distance of its ends from the axis"
-        raise BadInput(f"{part.key}.cut_mm = {cut:g}, expected at least {least}")
-    place = part.move(complex(*table.at))
-    heading = part.move.heading(table.direction)
-    return Joint(part.name, ends, place, heading, profile, cut, part.key)
-
-
-def _contact(patch: Patch, bodies: Sequence[Body], key: str) -> Patch:
-    """Return a contact with its radius. Refuses one that is not on its body, unless this is fixed."""
-    if patch.body < 0 or (bodies[patch.body].fixed and patch.radius is None):
-        return patch
-    outline, *holes = map(polygon_points, (bodies[patch.body].outline, *bodies[patch.body].holes))
-    face = shapely.Polygon(outline, holes)
-    left, low, right, high = face.bounds
-    radius = (
-        CONTACT * math.hypot(right - left, high - low)
-        if patch.radius is None
-        else float(patch.radius)
-    )
-    if face.distance(shapely.Point(patch.point.real, patch.point.imag)) >= radius:
-        if bodies[patch.body].fixed:
-            return patch._replace(body=-1, radius=radius)
-        at = f"[{patch.point.real:g}, {patch.point.imag:g}]"
-        raise BadInput(f"{key} = {at}, expected a point of {shown(bodies[patch.body].name)}")
-    return patch._replace(radius=radius)

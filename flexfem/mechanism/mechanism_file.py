@@ -1,305 +1,502 @@
-"""Validated tables of a mechanism file in N-mm-MPa-rad; every number may be an expression of
-parameters.
-
-An expression is in the unit of its key, and names parameters without their units. Its value keeps
-its text, so that a mechanism can be written, and changed by its parameters."""
+"""The mechanism: the content of a mechanism file, changed mechanisms, and the layout that both
+models read.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+import cmath
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
-from pydantic import AfterValidator, Field, model_validator
+import numpy as np
+import shapely
+from pydantic import BaseModel, Field, ModelWrapValidatorHandler, model_validator
 
-from flexfem.files.quantities import (
-    Coordinate,
-    Count,
-    ForceOrZero,
-    Grams,
-    Inertia,
-    Length,
-    LengthOrZero,
-    Turn,
+from flexfem.files.expressions import Evaluated, names_in, parameter_values
+from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
+from flexfem.files.refusals import key_path, nearest, place_of, shown, suggestion
+from flexfem.files.tables import UNCHANGEABLE, Label, Unchangeable, once
+from flexfem.files.toml import PathLike, kind_of, read_toml
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.layout import (
+    Body,
+    Constants,
+    Joint,
+    Layout,
+    LinearActuator,
+    Move,
+    Patch,
+    PayloadMass,
 )
-from flexfem.files.refusals import refusal
-from flexfem.files.tables import Label, Table, one_form
-from flexfem.mechanism.actuators import RatedActuator
-from flexfem.mechanism.materials import PartMaterial
+from flexfem.mechanism.materials import Material
+from flexfem.mechanism.mechanism import Mechanism as Mechanism
+from flexfem.mechanism.mechanism import located, read_plate
+from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
+from flexfem.mechanism.parts import (
+    BodyHole,
+    Copies,
+    NamedPoint,
+    OutputPayload,
+    OutputPoint,
+    PlateActuator,
+    PlateBody,
+    PlateHinge,
+)
+from flexfem.mechanism.profiles import BadDimension, profile_of
+from flexfem.mechanism.scans import with_scanned_tables
+from flexfem.paper.stage import Stage, load_feasible
+from flexfem.paper.stage_file import Frame
+from flexfem.refused import BadInput
+from flexfem.units import without_unit
 
-MOST = 5000  # corners of one outline
-
-
-def _corner(corner: tuple[float, ...]) -> tuple[float, ...]:
-    if corner[2:] and corner[2] < 0:
-        raise refusal("a radius of at least 0 as the third number")
-    return corner
-
-
-def _enclosing(corners: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...], ...]:
-    if len(corners) == 2 and not any(any(corner[3:]) for corner in corners):
-        raise refusal("at least 3 corners, or 2 with an arc between them")
-    return corners
-
-
-Point: TypeAlias = tuple[Coordinate, Coordinate]
-Corner: TypeAlias = Annotated[
-    tuple[Coordinate, ...], Field(min_length=2, max_length=4), AfterValidator(_corner)
-]
-Corners: TypeAlias = Annotated[
-    tuple[Corner, ...], Field(min_length=2, max_length=MOST), AfterValidator(_enclosing)
-]
-Bend: TypeAlias = Annotated[
-    tuple[Coordinate, ...], Field(min_length=2, max_length=3), AfterValidator(_corner)
-]
-Bends: TypeAlias = Annotated[tuple[Bend, ...], Field(min_length=2, max_length=MOST)]
-Row: TypeAlias = Annotated[tuple[Coordinate, ...], Field(min_length=2, max_length=3)]
-Shape: TypeAlias = Literal[
-    "circular", "elliptical", "filleted", "leaf", "parabolic", "v", "profile"
-]
+Reduction: TypeAlias = Literal["three_dimensional", "plane_stress", "plane_strain"]
+PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
+GROUND = "ground"  # carries actuators, also where no body has this name
+CUT = 1.02  # default height of a cut relative to the bodies or the profile
+CONTACT = 1 / 20  # default radius of a contact relative to the extent of its body
+ABSENT = -2  # number of a body that an unfinished file does not have; -1 is the ground outside
+MOST = 2000  # parts, copies included
 
 
-class BodyHole(Table):
-    """A hole in a body, inside its outline: a polygon with fillets, or a disc."""
+class MechanismFile(Mechanism):
+    """A planar flexure mechanism that is cut from one plate; lengths in mm, `provenance` by key
+    path of the file.
 
-    outline: Corners | None = Field(
-        default=None, alias="outline_mm", examples=[[[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]]]
+    Parts are given as dicts by the keys of the file, without their units: `body=[{"name": "ground",
+    "path": [(0, 0), (9, 0)], "width": 5.0, "fixed": True}]`; numbers are in mm, N, rad and tonne,
+    expressions in the unit of the file."""
+
+    kind: ClassVar[str] = "mechanism file"
+
+    name: Label = Field(examples=["parallelogram"])
+    """Name of the mechanism in tables and figures"""
+    model: Reduction = "three_dimensional"
+    """Model of finite elements: `three_dimensional`, or plane ones: `plane_stress`, for a plate
+    that is thin compared with its necks, or `plane_strain`, for a plate whose faces are held """
+    thickness: Length = Field(alias="thickness_mm", examples=[10.0])
+    """Thickness of the plate"""
+    material: Material
+    """Material of the plate, isotropic; bodies and hinges may have one of their own"""
+    parameters: Annotated[Mapping[str, Unlimited], UNCHANGEABLE] = Field(
+        default_factory=Unchangeable, examples=[{"length_mm": 50.0, "gap_mm": "length / 2"}]
     )
-    """Corners x, y of a polygon, as those of a body"""
-    centre: Point | None = Field(default=None, alias="centre_mm", examples=[[0.0, 0.0]])
-    """Instead of `outline_mm`, with `radius_mm`: centre of a disc"""
-    radius: Length | None = Field(default=None, alias="radius_mm", examples=[2.0])
-    """Radius of a disc"""
+    """Numbers by name, which other numbers of the file may use. A name ends in its unit, such as
+    _mm or _deg, or has none; expressions use it without the unit. Every number of the file may be
+    an expression in quotes, in the unit of its key: numbers, names, `+ - * / **`, brackets, abs,
+    sqrt, exp, log, log10, min, max, and sin, cos, tan, atan in degrees """
+    body: tuple[PlateBody, ...] = Field(min_length=1)
+    """A body; bodies may be drawn as far as the centres of hinges, which cut them"""
+    hinge: tuple[PlateHinge, ...] = ()
+    """A hinge between two bodies"""
+    copies: tuple[Copies, ...] = Field(default=(), alias="copy")
+    """Copies of parts, rotated or mirrored; several of them apply in their order"""
+    actuator: tuple[PlateActuator, ...] = ()
+    """A linear actuator between two bodies, or between the ground and a body"""
+    output: OutputPoint
+    """Point at which the mechanism is loaded and its pose is read"""
+    frame: Frame = Field(default_factory=Frame)
+    """Frame to which the plate is fixed. Only thermal drift uses it"""
+    payload: OutputPayload | None = None
+    """Rigid payload at the output"""
+    point: tuple[NamedPoint, ...] = ()
+    """Another point whose motion is read"""
 
-    @model_validator(mode="after")
-    def _hasone_form(self) -> BodyHole:
-        one_form(self, ("outline",), ("centre", "radius"))
-        return self
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_parameters(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        stated = data.get("parameters", {}) if isinstance(data, dict) else {}
+        token = KNOWN.set(parameter_values(stated) if isinstance(stated, Mapping) else {})
+        try:
+            return handler(data)
+        finally:
+            KNOWN.reset(token)
 
+    def replace(self, **changes: Any) -> MechanismFile:
+        """Return a changed mechanism, validated; expressions are computed again from the
+        parameters.
 
-class PlateBody(Table):
-    """A body of the mechanism: a polygon with fillets, a bar along a path, or a disc."""
+        Parameters
+        ----------
+        **changes : by attribute name, in mm, N, MPa and rad: `thickness=12.0`,
+        `material="ti-6al-4v"`,
+            `parameters={"length_mm": 60.0}` in the unit of the name, `hinge={"left": {"neck":
+            0.4}}` for named parts. A sequence replaces all parts.
 
-    name: Label = Field(examples=["stage"])
-    """Unique name of the body"""
-    outline: Corners | None = Field(
-        default=None, alias="outline_mm", examples=[[[0.0, 0.0], [9.0, 0.0], [9.0, 8.0, 2.0]]]
-    )
-    """Corners x, y of a polygon, in either sense; an optional third number is the radius of a
-    fillet at the corner. An optional fourth number makes the side to the next corner a circular
-    arc: its height over the chord, positive to the right on the way to the next corner, which is
-    outwards where the corners go round counter-clockwise """
-    path: Bends | None = Field(
-        default=None, alias="path_mm", examples=[[[0.0, 0.0], [30.0, 0.0, 10.0], [30.0, 20.0]]]
-    )
-    """Instead of `outline_mm`, with `width_mm`: points x, y of the centreline of a bar with square
-    ends; an optional third number is the radius of the centreline at a bend, which is sharp without
-    it """
-    width: Length | None = Field(default=None, alias="width_mm", examples=[8.0])
-    """Width of a bar"""
-    centre: Point | None = Field(default=None, alias="centre_mm", examples=[[0.0, 0.0]])
-    """Instead of `outline_mm`, with `radius_mm`: centre of a disc"""
-    radius: Length | None = Field(default=None, alias="radius_mm", examples=[15.0])
-    """Radius of a disc"""
-    holes: tuple[BodyHole, ...] = ()
-    """Holes in the body"""
-    fixed: bool = False
-    """Whether the body is rigid ground"""
-    material: PartMaterial | None = Field(default=None, examples=["ti-6al-4v"])
-    """Material of the body, the name of a registered one or a table as `[material]`; by default
-    that of the plate
-    """
-    clamped_edges: tuple[Annotated[int, Field(ge=1)], ...] = Field(default=(), examples=[[1]])
-    """Edges at which an elastic body is clamped. Edge 1 goes from the first corner to the second,
-    and so on; edge 1 of a bar is its start, edge 2 its end """
-
-    @model_validator(mode="after")
-    def _hasone_form(self) -> PlateBody:
-        one_form(self, ("outline",), ("path", "width"), ("centre", "radius"))
-        for index, corner in enumerate(self.path or ()):
-            if any(corner[2:]) and index in (0, len(self.path or ()) - 1):
-                raise refusal(
-                    "two numbers at an end of the path: it has no bend there", "path_mm", index
+        Raises
+        ------
+        BadInput
+            A name is not known, a value is not possible, or the mechanism cannot be made. A new
+            parameter must be used by an expression.
+        """
+        changed = self._replaced(changes)
+        for key in changed.parameters:
+            if key not in self.parameters and key in changed.unused_parameters:
+                near = nearest(key, self.parameters) or "; there are none"
+                raise BadInput(
+                    f"{key_path(('parameters', key))} is an unknown parameter{near}",
+                    str(changed.origin),
                 )
-        edges = len(self.outline or ()) or 2 * (self.path is not None)
-        for index, edge in enumerate(self.clamped_edges):
-            if edge > edges or edge in self.clamped_edges[:index]:
-                raise refusal(
-                    f"each edge once, of {edges} edges" if edges else "no edge of a disc",
-                    "clamped_edges",
-                    index,
-                )
-        if self.fixed and self.clamped_edges:
-            raise refusal("either a fixed body or clamped edges of an elastic one", "clamped_edges")
-        return self
-
-
-class PlateHinge(Table):
-    """A hinge: its length and shape replace the material of its two bodies."""
-
-    name: Label = Field(examples=["left"])
-    """Unique name of the hinge"""
-    between: tuple[Label, Label] = Field(examples=[["ground", "stage"]])
-    """Names of the two bodies"""
-    at: Point = Field(alias="at_mm", examples=[[0.0, 25.0]])
-    """Centre of the hinge, x, y"""
-    direction: Turn = Field(alias="direction_deg", examples=[90.0])
-    """Direction of the axis from the first body to the second, counter-clockwise from the x axis"""
-    shape: Shape = Field(examples=["leaf"])
-    """Shape of the profile, which determines the keys that it needs"""
-    neck: Length | None = Field(default=None, alias="neck_mm", examples=[0.5])
-    """Smallest height of the profile, except of a `profile`"""
-    length: Length | None = Field(default=None, alias="length_mm", examples=[50.0])
-    """Length along its axis, fillets included, of an elliptical, filleted or parabolic hinge or a
-    leaf
-    """
-    radius: Length | None = Field(default=None, alias="radius_mm", examples=[2.0])
-    """Radius of the notches of a circular hinge"""
-    depth: Length | None = Field(default=None, alias="depth_mm", examples=[2.0])
-    """Depth of each notch of an elliptical, parabolic or v-shaped hinge"""
-    fillet: LengthOrZero | None = Field(default=None, alias="fillet_mm", examples=[0.5])
-    """Radius of the fillets of a filleted hinge or a leaf"""
-    flush: (
-        tuple[Literal["first left", "first right", "second left", "second right"], ...] | None
-    ) = Field(default=None, examples=[["first right"]])
-    """Corners of a filleted hinge or a leaf that have no fillet, because the edge goes on as the
-    side of the body: at the first or the second body, seen along the direction """
-    angle: Turn | None = Field(default=None, alias="angle_deg", examples=[60.0])
-    """Opening angle of the notches of a v-shaped hinge"""
-    root_radius: Length | None = Field(default=None, alias="root_radius_mm", examples=[0.5])
-    """Radius of the root of the notches of a v-shaped hinge"""
-    side: Literal["left", "right"] | None = Field(default=None, examples=["left"])
-    """Side of the only notch, or of the only fillets of a leaf, seen along the direction, except of
-    a `profile`. The other edge is straight, at half a neck from the axis; by default both edges are
-    equal """
-    table: Annotated[tuple[Row, ...], Field(max_length=MOST)] | None = Field(
-        default=None, alias="table_mm", examples=[[[0.0, 4.0], [2.0, 0.5], [4.0, 4.0]]]
-    )
-    """Rows of ascending position along the axis and height of a `profile`, or of position and
-    distances of the left and the right edge from the axis; at least three, joined by straight
-    lines. Their middle is the centre. Instead, `table_csv` names a CSV file with measured points of
-    both edges: columns edge (left or right), x_mm and y_mm """
-    smooth: bool | None = Field(default=None, examples=[True])
-    """Whether smooth curves, monotone cubics, join the rows of `table_mm` instead of straight lines
-    """
-    cut: Length | None = Field(default=None, alias="cut_mm", examples=[12.0])
-    """Height over which both bodies are cut away along the profile; by default 2 % more than the
-    larger of the height of the ends of the profile and the widths of those bodies that are bars """
-
-    material: PartMaterial | None = Field(default=None, examples=["ti-6al-4v"])
-    """Material of the hinge, as that of a body"""
+        check_feasible(changed)
+        return changed
 
     @property
-    def dimensions(self) -> dict[str, Any]:
-        """Stated dimensions of the profile, mm, by their names."""
-        return {
-            name: getattr(self, name) for name in OF_PROFILES if getattr(self, name) is not None
-        }
+    def hash(self) -> str:
+        """SHA-256 of the physical content, expressions evaluated; its name, parameters and
+        provenance are excluded.
+        """
+        return self._digest({"parameters"}, exclude_none=True)
+
+    @property
+    def stated_hash(self) -> str:
+        """SHA-256 of the physical content with parameters and texts of expressions, on which its
+        designs depend.
+        """
+        return self._digest(set(), exclude_none=True, context=STATED)
+
+    @property
+    def unused_parameters(self) -> tuple[str, ...]:
+        """Keys of the parameters on which no number of the mechanism depends."""
+        keys = {without_unit(key): key for key in self.parameters}
+        texts = [text for name, value in self if name != "parameters" for text in _texts(value)]
+        used = set[str]()
+        while texts:
+            found = {keys[name] for name in names_in(texts.pop())} - used
+            used |= found
+            texts += [text for key in found for text in _texts(self.parameters[key])]
+        return tuple(key for key in self.parameters if key not in used)
+
+    @property
+    @once
+    def layout(self) -> Layout:
+        """The mechanism with parameters, copies and outlines resolved, as both models read it.
+
+        Raises BadInput, naming file, line and key, for parts that do not fit together.
+        """
+        with located(self):
+            return layout_of(self)
 
 
-OF_PROFILES = (
-    "neck",
-    "length",
-    "radius",
-    "depth",
-    "fillet",
-    "flush",
-    "angle",
-    "root_radius",
-    "side",
-    "table",
-    "smooth",
-)
+Mechanism._drawn = MechanismFile
 
 
-class Copies(Table):
-    """Copies of parts, rotated about a point or mirrored about a line; they are named "leg 2", "leg
-    3" and so on.
+def _texts(value: Any) -> Iterator[str]:
+    """Yield the texts of all expressions in a value of a table."""
+    if isinstance(value, Evaluated):
+        yield value.text
+    elif isinstance(value, BaseModel):
+        yield from (text for _, inner in value for text in _texts(inner))
+    elif isinstance(value, tuple):
+        yield from (text for inner in value for text in _texts(inner))
+
+
+def read_mechanism(path: PathLike) -> MechanismFile:
+    """Read a mechanism file whose bodies and hinges need not fit together. Raises BadInput as
+    `load_mechanism`.
+    """
+    mechanism = read_plate(MechanismFile, path, partial(with_scanned_tables, path))
+    _ = mechanism.layout
+    return mechanism
+
+
+def load_mechanism(path: PathLike) -> MechanismFile:
+    """Read a mechanism file. Raises BadInput, naming file, line, key, value and expectation, for
+    invalid content.
+    """
+    check_feasible(mechanism := read_mechanism(path))
+    return mechanism
+
+
+def load(path: PathLike) -> Mechanism:
+    """Read and check a stage file or a mechanism file, whichever its keys show.
+
+    Raises BadInput, one line with file, line, key and expected value.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
+    (30.0, 32.0, 24.0)
+    """
+    kind = kind_of(read_toml(path).data, Stage.kind) or Stage.kind
+    if kind not in (Stage.kind, MechanismFile.kind):
+        raise BadInput(f"{place_of(path)}: this is a {kind}, expected a stage or mechanism file")
+    return load_mechanism(path) if kind == MechanismFile.kind else load_feasible(path)
+
+
+class PlacedPart(NamedTuple):
+    """A part or a copy of one: its table, the names of its bodies, its place, and the name of the
+    part it copies.
     """
 
-    parts: tuple[Label, ...] = Field(min_length=1, examples=[["leg", "root", "tip"]])
-    """Names of bodies, hinges, actuators and points, also of earlier copies. A copied hinge or
-    actuator connects the copies of its bodies where these are copied, otherwise the same bodies """
-    count: Count | None = Field(default=None, examples=[4])
-    """Number of parts in total, the original included, of a rotation"""
-    about: Point | None = Field(default=None, alias="about_mm", examples=[[0.0, 0.0]])
-    """Centre of the rotation; by default the origin"""
-    angle: Turn | None = Field(default=None, alias="angle_deg", examples=[90.0])
-    """Angle from one copy to the next, counter-clockwise; by default 360 degrees over `count`"""
-    mirror: tuple[Point, Point] | None = Field(
-        default=None, alias="mirror_mm", examples=[[[0.0, 0.0], [0.0, 1.0]]]
-    )
-    """Instead of `count`: two points x, y of the line about which the parts are mirrored"""
-
-    @model_validator(mode="after")
-    def _hasone_form(self) -> Copies:
-        one_form(self, ("count",), ("mirror",))
-        for name in ("about", "angle"):
-            if self.mirror is not None and getattr(self, name) is not None:
-                raise refusal(
-                    "no rotation besides mirror_mm", type(self).model_fields[name].alias or name
-                )
-        if self.mirror is not None and self.mirror[0] == self.mirror[1]:
-            raise refusal("two different points", "mirror_mm")
-        return self
+    name: str
+    kind: str
+    table: Any
+    bodies: tuple[str, ...]
+    key: str
+    original: str
+    move: Move = Move()
 
 
-class PlateActuator(RatedActuator):
-    """A linear actuator that pushes two bodies apart along the line between its two contacts."""
+def layout_of(mechanism: MechanismFile, missing: list[str] | None = None) -> Layout:
+    """Return the layout of a mechanism. Raises BadInput for parts that do not fit together.
 
-    between: tuple[Label, Label] = Field(examples=[["ground", "lever"]])
-    """Names of the carrying and the driven body; "ground", without a body of this name, is the
-    ground outside
+    missing : for drawings of an unfinished file, a list to which the bodies are added that parts
+    name and that are not
+        there, instead of a refusal. A hinge is then without this body, and other parts on it are
+        left out.
     """
-    at: tuple[Point, Point] = Field(alias="at_mm", examples=[[[0.0, 0.0], [20.0, 0.0]]])
-    """Contact x, y on each of the two bodies"""
-    contact: Length | None = Field(default=None, alias="contact_mm", examples=[2.0])
-    """Radius of the area around a contact that takes the load; by default a twentieth of the extent
-    of the body
-    """
-    mass: Grams = Field(default=0.0, alias="mass_g", examples=[8.0])
-    """Mass of the actuator, half of it at each contact"""
-    preload: ForceOrZero | None = Field(default=None, alias="preload_n", examples=[50.0])
-    """Force with which the actuator pushes the two bodies apart at rest. It keeps its direction.
-    `modes` and `stiffness` take it into account """
+    placed = _parts(mechanism)
+    parts = {kind: [part for part in placed if part.kind == kind] for kind in PARTS}
+    index = {part.name: k for k, part in enumerate(parts["body"])}
+    bodies = tuple(_body(part, mechanism) for part in parts["body"])
 
-    @model_validator(mode="after")
-    def _preload_is_possible(self) -> PlateActuator:
-        if self.preload is not None and not self.preload <= self.rating.blocking_force:
-            raise refusal(
-                f"at most the blocking force, {self.rating.blocking_force:g}", "preload_n"
+    def body_of(name: str, key: str) -> int:
+        if name in index:
+            return index[name]
+        text = f"{key} = {shown(name)}, expected the name of a body{nearest(name, index)}"
+        if missing is None:
+            raise BadInput(text)
+        missing.append(text)
+        return ABSENT
+
+    joints = list[Joint]()
+    for part in parts["hinge"]:
+        first, second = (
+            body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies)
+        )
+        joints.append(
+            _joint(part, (first, second), bodies)._replace(material=_material(part, mechanism))
+        )
+    output = mechanism.output
+    points = list[tuple[str, Patch]]()
+    for part in (
+        PlacedPart("output", "point", output, (output.body,), "output", "output"),
+        *parts["point"],
+    ):
+        place = part.move(complex(*part.table.at))
+        body = body_of(part.bodies[0], f"{part.key}.body")
+        if body == ABSENT:
+            continue
+        found = Patch(body, place, part.table.contact)
+        points.append(
+            (
+                part.name,
+                _contact(found, bodies, f"{part.key}.at_mm") if part.table.contact else found,
             )
-        return self
+        )
+    if points and bodies[points[0][1].body].fixed:
+        raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
+    index.setdefault(GROUND, next((k for k, body in enumerate(bodies) if body.fixed), -1))
+    actuators = list[LinearActuator]()
+    for part in parts["actuator"]:
+        places = [part.move(complex(*point)) for point in part.table.at]
+        ends = [
+            body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies)
+        ]
+        if ABSENT in ends:
+            continue
+        patches = map(Patch, ends, places, [part.table.contact] * 2)
+        near, far = (
+            _contact(patch, bodies, f"{part.key}.at_mm[{side}]")
+            for side, patch in enumerate(patches)
+        )
+        direction = (places[1] - places[0]) / abs(places[1] - places[0])
+        rating = part.table.rating._asdict()
+        actuators.append(
+            LinearActuator(
+                part.name,
+                (near, far),
+                direction,
+                mass=part.table.mass,
+                key=part.key,
+                preload=float(part.table.preload or 0.0),
+                **rating,
+            )
+        )
+    load = mechanism.payload
+    return Layout(
+        bodies=bodies,
+        joints=tuple(joints),
+        points=tuple(points),
+        actuators=tuple(actuators),
+        payloads=tuple(
+            PayloadMass(at, load.mass, load.inertia)
+            for name, at in points
+            if load and name == "output"
+        ),
+        wide=mechanism.model == "three_dimensional",
+        **mechanism.plane_problem,
+    )
 
-    @model_validator(mode="after")
-    def _points_differ(self) -> PlateActuator:
-        if self.at[0] == self.at[1]:
-            raise refusal("two different points, which give the direction of the force", "at_mm")
-        return self
+
+def _parts(mechanism: MechanismFile) -> list[PlacedPart]:
+    """Return all parts and their copies."""
+    found = list[PlacedPart]()
+    for kind in PARTS:
+        for index, table in enumerate(getattr(mechanism, kind)):
+            bodies = () if kind == "body" else (table.body,) if kind == "point" else table.between
+            found.append(
+                PlacedPart(
+                    table.name, kind, table, bodies, key_path((kind, index), mechanism), table.name
+                )
+            )
+    counts = Counter((part.kind, part.original) for part in found)
+    for index, copies in enumerate(mechanism.copies):
+        names = {part.name for part in found}
+        for place, name in enumerate(copies.parts):
+            if name not in names or name in copies.parts[:place]:
+                expected = (
+                    f"the name of a part{suggestion(name, names)}"
+                    if name not in names
+                    else "each part once"
+                )
+                raise BadInput(f"copy[{index}].parts[{place}] = {shown(name)}, expected {expected}")
+        originals = [part for part in found if part.name in copies.parts]
+        taken = {(part.kind, part.name) for part in found}
+        if len(found) + len(originals) * (int(copies.count or 2) - 1) > MOST:
+            raise BadInput(
+                f"copy[{index}].parts, expected at most {MOST} parts in all, copies included"
+            )
+        for move in _moves(copies):
+            new = dict[tuple[str, str], str]()
+            for part in originals:
+                counts[part.kind, part.original] += 1
+                name = f"{part.original} {counts[part.kind, part.original]}"
+                if (part.kind, name) in taken:
+                    raise BadInput(
+                        f"copy[{index}].parts, expected no other {part.kind} {shown(name)}, a "
+                        "copy's name"
+                    )
+                new[part.kind, part.name] = name
+            for part in originals:
+                bodies = tuple(new.get(("body", name), name) for name in part.bodies)
+                moved = part._replace(
+                    name=new[part.kind, part.name], bodies=bodies, move=move.after(part.move)
+                )
+                found.append(moved)
+    return found
 
 
-class OutputPoint(Table):
-    """The output: the body whose pose is read, and on which loads act."""
-
-    body: Label = Field(examples=["stage"])
-    """Name of the body"""
-    at: Point = Field(alias="at_mm", examples=[[0.0, 50.0]])
-    """Point x, y to which pose and loads refer"""
-    contact: Length | None = Field(default=None, alias="contact_mm", examples=[5.0])
-    """Radius of the area around the point that takes loads, and whose mean motion is read; by
-    default the whole body
-    """
-
-
-class NamedPoint(OutputPoint):
-    """Another point whose motion is read."""
-
-    name: Label = Field(examples=["corner"])
-    """Unique name of the point"""
+def _moves(copies: Copies) -> Iterator[Move]:
+    if copies.mirror is not None:
+        first, second = (complex(*point) for point in copies.mirror)
+        turn = (second - first) / (second - first).conjugate()
+        yield Move(turn, first - turn * first.conjugate(), mirrored=True)
+        return
+    count = int(copies.count or 1)
+    about = complex(*(copies.about or (0.0, 0.0)))
+    for k in range(1, count):
+        turn = cmath.exp(1j * k * (2 * np.pi / count if copies.angle is None else copies.angle))
+        yield Move(turn, about - turn * about)
 
 
-class OutputPayload(Table):
-    """A rigid payload at the output."""
+def _material(part: PlacedPart, mechanism: MechanismFile) -> Constants | None:
+    """Return the constants of a part with a material of its own."""
+    material = part.table.material
+    if material is None or material == mechanism.material:
+        return None
+    if material.residual_stress or mechanism.material.residual_stress:
+        raise BadInput(
+            f"{part.key}.material, expected that of the plate: a residual stress is one of all "
+            "parts"
+        )
+    return mechanism.constants_of(material)._replace(name=material.name)
 
-    mass: Grams = Field(alias="mass_g", examples=[100.0])
-    """Mass of the payload"""
-    inertia: Inertia = Field(default=0.0, alias="inertia_kg_mm2", examples=[20.0])
-    """Moment of inertia about the normal of the plate through the output"""
+
+def _body(part: PlacedPart, mechanism: MechanismFile) -> Body:
+    table: PlateBody = part.table
+    outline = _outline(table, part.move, part.key)
+    holes = [
+        _outline(hole, part.move, f"{part.key}.holes[{k}]").loop
+        for k, hole in enumerate(table.holes)
+    ]
+    clamped = list[int]()
+    for k, edge in enumerate(table.clamped_edges):
+        segments = outline.edges[edge - 1]
+        if not segments:
+            raise BadInput(
+                f"{part.key}.clamped_edges[{k}] = {edge}, expected an edge that its fillets leave "
+                "straight"
+            )
+        clamped += segments
+    loops = tuple(tuple(reverse(hole)) for hole in holes)
+    width = None if table.width is None else float(table.width)
+    edges = tuple(sorted(clamped))
+    material = _material(part, mechanism)
+    return Body(
+        part.name, tuple(outline.loop), loops, table.fixed, edges, width, part.key, material
+    )
+
+
+def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
+    if table.centre is not None and table.radius is not None:
+        return disc(move(complex(*table.centre)), table.radius)
+    path = table.path if isinstance(table, PlateBody) else None
+    corners = path or table.outline or ()
+    points = [move(complex(*corner[:2])) for corner in corners]
+    radii = [(*corner, 0.0)[2] for corner in corners]
+    side = -1.0 if move.mirrored else 1.0
+    bows = [side * (*corner, 0.0, 0.0)[3] for corner in corners]
+    try:
+        if isinstance(table, PlateBody) and table.width is not None:
+            return bar(points, radii, table.width)
+        return rounded(points, radii, bows)
+    except ValueError as error:
+        k, expected = error.args
+        name = "outline_mm" if path is None else "path_mm"
+        raise BadInput(
+            f"{key}.{name}[{k}] = {shown(list(corners[k]))}, expected {expected}"
+        ) from None
+
+
+def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> Joint:
+    table: PlateHinge = part.table
+    if part.bodies[0] == part.bodies[1]:
+        raise BadInput(f"{part.key}.between = {shown(list(part.bodies))}, expected two bodies")
+    try:
+        profile = profile_of(table.shape, table.dimensions)
+        if part.move.mirrored:
+            profile = profile.mirrored
+    except BadDimension as error:
+        key = f"{part.key}.{PlateHinge.model_fields[error.key].alias or error.key}"
+        value = getattr(table, error.key)
+        value = math.degrees(value) if error.key == "angle" and value is not None else value
+        raise BadInput(
+            f"{key}{'' if value is None else f' = {shown(value)}'}, expected {error.expected}"
+        ) from None
+    off_axis = float(2 * np.abs(profile.middle(np.array([-0.5, 0.5]) * profile.length)).max())
+    widest = max(
+        profile.least_cut, *(off_axis + (bodies[k].width or 0.0) for k in ends if k != ABSENT)
+    )
+    cut = CUT * widest if table.cut is None else float(table.cut)
+    if cut < profile.least_cut:
+        least = f"{profile.least_cut:g}, the height of the profile at its ends"
+        if not profile.symmetric:
+            least = f"{profile.least_cut:g}, twice the largest distance of its ends from the axis"
+        raise BadInput(f"{part.key}.cut_mm = {cut:g}, expected at least {least}")
+    place = part.move(complex(*table.at))
+    heading = part.move.heading(table.direction)
+    return Joint(part.name, ends, place, heading, profile, cut, part.key)
+
+
+def _contact(patch: Patch, bodies: Sequence[Body], key: str) -> Patch:
+    """Return a contact with its radius. Refuses one that is not on its body, unless this is fixed."""
+    if patch.body < 0 or (bodies[patch.body].fixed and patch.radius is None):
+        return patch
+    outline, *holes = map(polygon_points, (bodies[patch.body].outline, *bodies[patch.body].holes))
+    face = shapely.Polygon(outline, holes)
+    left, low, right, high = face.bounds
+    radius = (
+        CONTACT * math.hypot(right - left, high - low)
+        if patch.radius is None
+        else float(patch.radius)
+    )
+    if face.distance(shapely.Point(patch.point.real, patch.point.imag)) >= radius:
+        if bodies[patch.body].fixed:
+            return patch._replace(body=-1, radius=radius)
+        at = f"[{patch.point.real:g}, {patch.point.imag:g}]"
+        raise BadInput(f"{key} = {at}, expected a point of {shown(bodies[patch.body].name)}")
+    return patch._replace(radius=radius)

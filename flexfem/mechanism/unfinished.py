@@ -15,9 +15,9 @@ from flexfem.files.refusals import KeyPath, one_line, path_of, problems_of, sent
 from flexfem.files.toml import PathLike, TomlFile, read_toml
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.materials import with_material_of_file
-from flexfem.mechanism.mechanism import Mechanism, layout_of, read_mechanism
+from flexfem.mechanism.mechanism import Mechanism, in_millimetres
+from flexfem.mechanism.mechanism_file import MechanismFile, layout_of, read_mechanism
 from flexfem.mechanism.plate import ungrounded
-from flexfem.mechanism.plate_file import in_millimetres
 from flexfem.refused import BadInput
 
 STAND_INS: dict[str, Any] = {  # for keys without which no file can be read; none of them is drawn
@@ -122,7 +122,7 @@ def _without_faults(path: PathLike) -> Unfinished:
     for _ in range(MOST):
         absent = list[str]()
         try:
-            mechanism = Mechanism.model_validate(reading.data)
+            mechanism = MechanismFile.model_validate(reading.data)
             layout = layout_of(mechanism, absent)
         except ValidationError as error:
             problems = problems_of(error, reading.data)
@@ -130,7 +130,7 @@ def _without_faults(path: PathLike) -> Unfinished:
                 problems,
                 key=lambda each: [part if isinstance(part, int) else -1 for part in each.path[1:2]],
             )
-            reading.remove(last.path, sentence(last, Mechanism, reading.data))
+            reading.remove(last.path, sentence(last, MechanismFile, reading.data))
         except BadInput as refusal:
             reading.remove(_key_of(refusal.reason, reading.data), refusal.reason)
         else:

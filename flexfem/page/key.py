@@ -14,8 +14,8 @@ from markupsafe import Markup
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
 from flexfem.page.section import moving_svg, parts
+from flexfem.paper.stage import Stage
 from flexfem.plot.style import NAMES
 from flexfem.questions import bands as comparison
 from flexfem.questions.budget import budget
@@ -52,7 +52,7 @@ MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to
 
 
 def opening(
-    subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshed: bool, drawing: Markup
+    subject: Mechanism, ask: Ask, sections: Sequence[str], meshed: bool, drawing: Markup
 ) -> Markup:
     """Return the drawing of a stage or mechanism beside its key results, and its motions.
 

@@ -16,7 +16,6 @@ import numpy as np
 from markupsafe import Markup
 
 from flexfem import studies
-from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import Array
 from flexfem.design.result import Designed, is_design, read_design
 from flexfem.files.inputs import require_unread
@@ -26,10 +25,8 @@ from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
 from flexfem.importing.drawings import NO_READING, Reading, is_drawing, load, require_no_reading
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import assumptions_said, counted
+from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.page.key import ENDS, SHARES, Ask, opening
 from flexfem.page.section import (
     PageSection,
@@ -43,6 +40,10 @@ from flexfem.page.section import (
     table,
 )
 from flexfem.page.study import Part, study_parts
+from flexfem.paper.responses import require_expansion
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_file import assumptions_said, counted
+from flexfem.paper.verification import Verification
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
@@ -54,7 +55,6 @@ from flexfem.questions import plates
 from flexfem.questions.budget import budget
 from flexfem.questions.check import MechanismReport, StageReport, check
 from flexfem.questions.drive import drive
-from flexfem.questions.errors import Verification
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
 from flexfem.questions.life import checked_amplitude, life
@@ -344,7 +344,7 @@ def _subject(
         return _plate_subject(load(files[0], reading), sections, amplitude)
     require_no_reading(files[0], reading)
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
-    if kind in ("stage file", Mechanism.kind):
+    if kind in ("stage file", MechanismFile.kind):
         return _plate_subject(load(files[0]), sections, amplitude)
     if kind not in ("results", "study file"):
         raise BadInput(f"{first}: this is a {kind or 'TOML file'}, expected {EXPECTED}")
@@ -397,7 +397,7 @@ def _stored_subject(files: Sequence[Path]) -> Subject:
     return Subject(title, "Stored results", *_assumptions(records), made)
 
 
-def _plate_subject(plate: Stage | Mechanism, names: Sequence[str], amplitude: Any) -> Subject:
+def _plate_subject(plate: Mechanism, names: Sequence[str], amplitude: Any) -> Subject:
     stage = plate if isinstance(plate, Stage) else None
     if stage is None and "life" in names:
         raise BadInput(f"{plate.origin}: section life, expected some of {', '.join(SECTIONS[:-1])}")
@@ -446,7 +446,7 @@ def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
     return assumed, not_stated
 
 
-def _provenance(stage: PlateFile, assumed: list[str], not_stated: list[str]) -> list[list[str]]:
+def _provenance(stage: Mechanism, assumed: list[str], not_stated: list[str]) -> list[list[str]]:
     """Return rows of key, kind and source for all values of a file, those assumed first."""
     sources = {key: text for key, text in stage.sources.items() if text and key in stage.values}
     assumed = list(
@@ -475,7 +475,7 @@ def _main_figure(found: Any) -> Any:
 
 
 def _drawing_section(
-    subject: Stage | Mechanism,
+    subject: Mechanism,
     checked: StageReport | MechanismReport,
     opened: Callable[[Markup], Markup],
 ) -> PageSection:
@@ -497,7 +497,7 @@ def _drawing_section(
     return section(kind, f"The {kind}", opened(figure), notes(checked.warnings), listed)
 
 
-def _stress_section(subject: Stage | Mechanism) -> PageSection:
+def _stress_section(subject: Mechanism) -> PageSection:
     """Return the von Mises stress by finite elements for displacements in X, in Y (of a mechanism)
     and in theta.
     """

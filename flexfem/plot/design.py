@@ -17,7 +17,8 @@ from flexfem.design.result import Designed, Goal, Requirement
 from flexfem.files.refusals import shown
 from flexfem.files.toml import kind_of
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.stage import Stage
 from flexfem.plot import style
 from flexfem.plot.plate import draw_plate, front_page
 from flexfem.plot.stage import fit, label_axes
@@ -71,9 +72,9 @@ def design_figure(found: Designed) -> Figure:
     return figure
 
 
-def _plate(text: str) -> Stage | Mechanism:
+def _plate(text: str) -> Mechanism:
     content = tomllib.loads(text)
-    return (Mechanism if kind_of(content) == Mechanism.kind else Stage).model_validate(content)
+    return (Mechanism if kind_of(content) == MechanismFile.kind else Stage).model_validate(content)
 
 
 def plot_margins(ax: Axes | None, found: Designed) -> Axes:

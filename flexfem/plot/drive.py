@@ -17,10 +17,10 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 
 from flexfem.arrays import Array
 from flexfem.mechanism.actuators import BODY_NAMES
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.frames import CHAIN_TURN
 from flexfem.mechanism.plate import body_polygon, extent, plate_polygon
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.drives import drive_of
+from flexfem.paper.frames import CHAIN_TURN
+from flexfem.paper.stage import Stage
 from flexfem.plot import style
 from flexfem.plot.plate import draw_plate
 from flexfem.plot.stage import fit, place_label

@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
+from flexfem.paper.verification import Verification
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
 from flexfem.plot.text import banded, minus, scientific
 from flexfem.questions.budget import CHART, MEASURED, SHARES, TOTAL, Budget
 from flexfem.questions.convergence import MeshConvergence
-from flexfem.questions.errors import Verification
 from flexfem.questions.plates import MechanismErrors
 from flexfem.results import number
 from flexfem.units import DIRECTIONS, LENGTH, Direction, unit_for

@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array, is_largest
-from flexfem.mechanism.stage import HINGE_NAMES
+from flexfem.paper.experiment import NOT_THE_PAPERS, Experiment
+from flexfem.paper.identify import CAUSES, Identification
+from flexfem.paper.stage import HINGE_NAMES
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, panels, titled
 from flexfem.plot.text import scientific, significant
-from flexfem.questions.experiment import NOT_THE_PAPERS, Experiment
-from flexfem.questions.identify import CAUSES, Identification
 from flexfem.questions.life import LEFT_OUT, Life
 from flexfem.questions.setup import ELASTIC
 from flexfem.results import ANALYTIC, ELEMENTS

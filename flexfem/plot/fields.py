@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.paper.verification import CurveModels, Verification
 from flexfem.plot.stage import QUARTERS, arrow, boundary_of, draw_boundary, fit
 from flexfem.plot.style import (
     INK,
@@ -28,7 +29,6 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import round_factor, significant
-from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
 from flexfem.questions.setup import MeshFields
 from flexfem.refused import BadInput, printed

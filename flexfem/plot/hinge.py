@@ -14,13 +14,13 @@ from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
 from flexfem.files.refusals import shown
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
+from flexfem.paper.verification import CurveModels
 from flexfem.plot import style
 from flexfem.plot.stage import arrow, hinges_of, write
 from flexfem.plot.style import COLOURS, GREY, INK, NOTE_COLOUR, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.questions.check import FormulaCurve, HingeReview, ThicknessReview
-from flexfem.questions.errors import CurveModels
 from flexfem.refused import BadInput
 from flexfem.results import SPACE
 from flexfem.units import LENGTH

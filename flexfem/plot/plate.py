@@ -20,8 +20,9 @@ from flexfem.arrays import Array
 from flexfem.mechanism.drawing import Span, labels_of, spans_of
 from flexfem.mechanism.layout import Body, Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import body_polygon, extent, joint_polygon, plate_polygon
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 from flexfem.plot import style
 from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
 from flexfem.plot.stage import (
@@ -96,7 +97,7 @@ class Recognised(NamedTuple):
 
 def plot_plate(
     ax: Axes | None,
-    plate: Stage | Mechanism,
+    plate: Mechanism,
     *,
     labels: bool = True,
     layout: Layout | None = None,
@@ -131,7 +132,7 @@ def plot_plate(
     _draw_ports(ax, layout, size, obstacles)
     _draw_spans(ax, spans, obstacles)
     marks = [*_marks(layout)]
-    if recognised is not None and isinstance(plate, Mechanism):
+    if recognised is not None and isinstance(plate, MechanismFile):
         marks = [_with_dimensions(mark, plate, layout) for mark in marks]
     if stage:
         marks = [
@@ -159,7 +160,7 @@ def plot_plate(
     return ax
 
 
-def draw_plate(ax: Axes, plate: Stage | Mechanism, layout: Layout | None = None) -> Array:
+def draw_plate(ax: Axes, plate: Mechanism, layout: Layout | None = None) -> Array:
     """Draw bodies, ground, hinges, clamped edges and the hub of a stage without names.
 
     Returns points (n, 2) of the outline, mm. Raises BadInput when the parts cannot be drawn.
@@ -304,7 +305,7 @@ def _path(shape: Any) -> Path:
 
 @in_house_style
 def drawing_figure(
-    plate: Stage | Mechanism,
+    plate: Mechanism,
     layout: Layout | None = None,
     small: bool = False,
     missing: Sequence[str] = (),
@@ -370,7 +371,7 @@ def drawing_figure(
 def front_page(
     caption: Caption,
     plane: Callable[[Axes], object],
-    designs: Sequence[Stage | Mechanism],
+    designs: Sequence[Mechanism],
     rows: list[list[str]],
 ) -> Figure:
     """Draw a front and, below it, designs to one scale and the table of their numbers; its first

@@ -21,7 +21,8 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.refusals import shown
 from flexfem.mechanism.drawing import clearest
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.paper.stage import CHAINS, Stage
+from flexfem.paper.verification import CurveModels, HingeDrawing
 from flexfem.plot.style import (
     GREY,
     INK,
@@ -34,7 +35,6 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import minus, round_factor
-from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
 from flexfem.results import SPACE, Fields, thousands
 from flexfem.units import DEGREE, LENGTH

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from flexfem.results import SPACE, number
 
 if TYPE_CHECKING:
-    from flexfem.questions.errors import Verification
+    from flexfem.paper.verification import Verification
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # tolerance within which a limit counts as round

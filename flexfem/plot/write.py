@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from flexfem.design.result import Designed
 from flexfem.files.inputs import require_unread
 from flexfem.files.writing import write_atomically
+from flexfem.paper.verification import Verification
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
@@ -23,7 +24,6 @@ from flexfem.plot.hinge import hinge_sketch
 from flexfem.plot.stage import model_sketch, neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
-from flexfem.questions.errors import Verification
 from flexfem.results import Fields
 
 Stored: TypeAlias = tuple[Verification, dict[str, Fields]]

@@ -12,8 +12,6 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.model import analyse, stiffness_with_necks
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, free_stiffness, inverse
 from flexfem.fem.plate_mesh import mesh_layout
@@ -23,12 +21,14 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import Neck, NeckDeviation
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import bad_key, read_csv, validate
-from flexfem.mechanism.designs import lower
 from flexfem.mechanism.layout import Joint, Layout
-from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import check_layout
-from flexfem.mechanism.plate_file import located
-from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.paper.designs import lower
+from flexfem.paper.links import body_compliance
+from flexfem.paper.model import analyse, stiffness_with_necks
+from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.plates import PART_RESOLUTION, ElasticParts
@@ -249,7 +249,7 @@ def _number(cell: str) -> int | float | str:
 
 
 def _answer(
-    plate: Stage | Mechanism,
+    plate: Mechanism,
     model: str,
     measured: Necks,
     necks: tuple[Array, Array],
@@ -320,7 +320,7 @@ def _along(stiffness: Array) -> Array:
 
 
 def _in_depth(
-    plate: Stage | Mechanism,
+    plate: Mechanism,
     mesh: Mesh | None,
     pair: tuple[Stage | Layout, Stage | Layout],
     progress: Progress | None,
@@ -412,7 +412,7 @@ def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
 
 @setup.options(not_for="analytic")
 def as_built(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     necks: Path,
     *,
     analytic: Analytic = DEFAULT,
@@ -433,7 +433,7 @@ def as_built(
     """
     layers = setup.elements_through(solid, thickness_resolution)
     mesh = None if layers is None else setup.mesh_of(stage, "both", None, layers)
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         return _of_mechanism(stage, necks, mesh, progress)
     warnings = list[str]()
     hinges = list(product(CHAINS, HINGE_NAMES))

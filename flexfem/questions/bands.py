@@ -19,10 +19,10 @@ from flexfem import arguments
 from flexfem.arrays import Array, is_largest
 from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.stage_mesh import layers_of, sheet_of
 from flexfem.files.tables import once
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import layers_of, sheet_of
 from flexfem.questions.setup import on_meshes, sectors_of
 from flexfem.refused import BadInput
 from flexfem.results import Progress

@@ -17,7 +17,7 @@ from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, plate_model
 from flexfem.fem.prestress import critical_shapes, lifted, prestress_by
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions.bands import SAFETY
 from flexfem.questions.loads import AtPoints, held_ports, required_load
@@ -52,7 +52,7 @@ class Buckling(Result):
 
 @setup.options(only_for="plane")
 def buckling(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     force: tuple[float, float, float] | None = None,
     force_at: AtPoints | None = None,
@@ -162,7 +162,7 @@ def buckling(
     )
 
 
-def _factorised(stage: Stage | Mechanism, resolution: int, layers: int) -> PlateModel:
+def _factorised(stage: Mechanism, resolution: int, layers: int) -> PlateModel:
     """Factorise the finite elements of a plate, of a stage as of any other mechanism."""
     return plate_model(
         stage.layout, mesh_layout(stage.layout, resolution), plates.layers_of(stage, layers)
@@ -190,9 +190,7 @@ def _fields(model: PlateModel, shapes: Array) -> MeshFields:
     return MeshFields(structure.mesh, made, structure.layers.heights if structure.layers else None)
 
 
-def _out_of_plane(
-    stage: Stage | Mechanism, load: Array, held: tuple[int, ...]
-) -> tuple[float, float]:
+def _out_of_plane(stage: Mechanism, load: Array, held: tuple[int, ...]) -> tuple[float, float]:
     """Return the least load factor out of the plane, in which the held directions do not take part,
     and its band.
     """

@@ -11,16 +11,17 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, corrected
 from flexfem.analytic.plates import respond, widened
 from flexfem.arrays import Array
-from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response
-from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.fields import neck_stresses
+from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, analyse, corrected
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import plate_of
 from flexfem.questions import plates, warnings
 from flexfem.questions.bands import (
     SAFETY,
@@ -141,7 +142,7 @@ class MechanismBudget(Budget, mechanism=True):
 
 @options(not_for="amplitude")
 def budget(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     amplitude: tuple[float, float, float] = AMPLITUDES,
     resolution: int = RESOLUTION,
@@ -161,7 +162,7 @@ def budget(
     """
     steps = levels(arguments.resolution(resolution, 4))
     lever = lever_of(stage)
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         require_hinges(
             stage, "which the analytic model needs whose error is split", plates.BY_ELEMENTS
         )

@@ -17,18 +17,18 @@ from flexfem.files.refusals import key_path
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.gaps import names_of_parts, smallest_gaps
 from flexfem.mechanism.layout import Joint, Layout
-from flexfem.mechanism.mechanism import GROUND, Mechanism, Reduction
-from flexfem.mechanism.mechanism_file import PlateBody
+from flexfem.mechanism.mechanism import Mechanism, located, of_stage
+from flexfem.mechanism.mechanism_file import GROUND, MechanismFile, Reduction
+from flexfem.mechanism.parts import PlateBody
 from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon
-from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.profiles import FILE_KEYS
-from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.drives import drive_of
+from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.paper.stage_file import Plane, actuators_of, of_drive, of_heat
 from flexfem.questions import warnings as warning
 from flexfem.results import Ends
 from flexfem.units import LENGTH, RATE
@@ -186,7 +186,7 @@ class MechanismReport(NamedTuple):
     not_stated: list[str]
 
 
-def check(stage: Stage | Mechanism) -> StageReport | MechanismReport:
+def check(stage: Mechanism) -> StageReport | MechanismReport:
     """Validate a stage or mechanism file; show its parts, drive and the sources of the numbers.
 
     Parameters
@@ -210,7 +210,7 @@ def check(stage: Stage | Mechanism) -> StageReport | MechanismReport:
     >>> found.mobility, found.chains_alike, found.hinges[0].radius_mm, len(found.assumed)
     (6, True, 4.0, 17)
     """
-    return _mechanism_report(stage) if isinstance(stage, Mechanism) else _stage_report(stage)
+    return _mechanism_report(stage) if isinstance(stage, MechanismFile) else _stage_report(stage)
 
 
 def _mechanism_report(mechanism: Mechanism) -> MechanismReport:

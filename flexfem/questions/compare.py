@@ -21,6 +21,7 @@ from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing
 from flexfem.importing.roles import Wishes
 from flexfem.mechanism.layout import Joint, Layout, Move
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.plate import body_polygon, joint_polygon, plate_polygon
 from flexfem.mechanism.profiles import Circular, Leaf, Profile
@@ -146,7 +147,7 @@ def compare(
 
 
 def _mechanism(plate: Any, path: Path) -> Mechanism:
-    if not isinstance(plate, Mechanism):
+    if not isinstance(plate, MechanismFile):
         raise BadInput(
             f"{place_of(path)}: this is a stage file, expected a mechanism file or a drawing"
         )

@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.stage import Stage
 from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import grid_convergence, refinements
@@ -62,7 +63,7 @@ class MechanismConvergence(MeshConvergence, mechanism=True):
 
 @question
 def converge(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     resolutions: list[int] | None = None,
     progress: Progress | None = None,
@@ -89,7 +90,7 @@ def converge(
     >>> found.verdicts
     ['converging', 'converging', 'converging']
     """
-    usual = MECHANISM_RESOLUTIONS if isinstance(stage, Mechanism) else RESOLUTIONS
+    usual = MECHANISM_RESOLUTIONS if isinstance(stage, MechanismFile) else RESOLUTIONS
     steps = refinements(usual if resolutions is None else resolutions)
     meshes = on_meshes(steps, partial(plates.solved, stage), progress)
     C = np.array([mesh.compliance for mesh in meshes])

@@ -11,8 +11,18 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.large import Serial, loaded, serial
-from flexfem.analytic.model import (
+from flexfem.analytic.strokes import Displaced
+from flexfem.arrays import Array, Index, inverse
+from flexfem.fem.mesh import StageMesh
+from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.contacts import FOLLOWS, PLAUSIBLE, Stack
+from flexfem.paper.designs import lower, stage_frames
+from flexfem.paper.drives import ActuatorSet, drive_of
+from flexfem.paper.equilibrium import Serial, loaded, serial
+from flexfem.paper.fields import driven_response, neck_maxima, neck_wrenches, plane_stress
+from flexfem.paper.model import (
     CALIBRATED,
     DEFAULT_FORMULA,
     AnalyticResult,
@@ -20,19 +30,10 @@ from flexfem.analytic.model import (
     analyse,
     at_necks,
 )
-from flexfem.analytic.responses import driven_model
-from flexfem.analytic.strokes import Displaced
-from flexfem.arrays import Array, Index, inverse
-from flexfem.fem.fields import driven_response, neck_maxima, neck_wrenches, plane_stress
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.stage_mesh import build_mesh, plate_of
-from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
-from flexfem.mechanism.designs import lower, stage_frames
-from flexfem.mechanism.drives import ActuatorSet, drive_of
-from flexfem.mechanism.layout import Layout
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import actuators_of
+from flexfem.paper.responses import driven_model
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_file import actuators_of
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.driven import (
@@ -282,7 +283,7 @@ class DrivenElements(NamedTuple):
     Drive, MechanismDrive, not_for="pose load analytic", only_for="plane solid thickness_resolution"
 )
 def drive(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     pose: tuple[float, float, float] | None = None,
     load: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -317,7 +318,7 @@ def drive(
     >>> [round(float(stroke), 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         mesh = plates.mesh_of(
             stage, models, resolution, elements_through(solid, thickness_resolution)
         )

@@ -17,13 +17,13 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.analytic.model import at_necks
 from flexfem.arrays import Array, Index, inverse
 from flexfem.hinges.strength import stress_raised
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
-from flexfem.mechanism.designs import Designs
-from flexfem.mechanism.drives import ActuatorSet
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.paper.designs import Designs
+from flexfem.paper.drives import ActuatorSet
+from flexfem.paper.model import at_necks
 from flexfem.questions.warnings import YIELD_MARGIN
 from flexfem.refused import BadInput, ComputationFailed
 

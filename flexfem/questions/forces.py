@@ -16,7 +16,7 @@ from flexfem.fem.sections import hinge_wrenches, part_strains, section_wrench
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import extent, plate_polygon
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions.bands import levels
 from flexfem.questions.loads import AtPoints, required_load
@@ -66,7 +66,7 @@ class Forces(Result):
 
 @setup.question
 def forces(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     force: tuple[float, float, float] | None = None,
     force_at: AtPoints | None = None,

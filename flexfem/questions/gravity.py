@@ -14,19 +14,20 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.model import analyse
 from flexfem.analytic.plates import weighed
-from flexfem.analytic.responses import under_weight
 from flexfem.arrays import Array
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.fields import neck_maxima
 from flexfem.fem.ports import hinge_stress
 from flexfem.fem.response import factorised_whole
-from flexfem.fem.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.fem.structure import mass_of, structure
-from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
+from flexfem.paper.fields import neck_maxima
+from flexfem.paper.model import analyse
+from flexfem.paper.responses import under_weight
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, pose_bands
@@ -66,7 +67,7 @@ class MechanismGravity(Gravity, mechanism=True):
 
 @setup.options(not_for="payload analytic", only_for="plane")
 def gravity(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     angle: float = -90.0,
     payload: float = 0.0,
@@ -134,7 +135,7 @@ def gravity(
     @cache
     def weighed_on(resolution: int, layers: int) -> tuple[Array, Array]:
         """Motions (k, 1) of the ports and stress (h,) in hinges by finite elements."""
-        assert isinstance(stage, Mechanism)
+        assert isinstance(stage, MechanismFile)
         model = plates.factorised(stage, resolution, layers)
         found = model.weighed(model.mass, g[None])
         return found.motions, hinge_stress(found, np.ones(1))
@@ -158,7 +159,7 @@ def gravity(
         return values
 
     def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
-        if isinstance(stage, Mechanism):
+        if isinstance(stage, MechanismFile):
             return plates.value_bands(sizes, each, ends)
         lever = setup.lever_of(stage)
         name = "sag" if ends else "pose"
@@ -173,7 +174,7 @@ def gravity(
 
     found = plates.by_models(stage, mesh, models, of_network, of_size, progress, bands)
     warnings += plates.over_yield(stage, found, "stress", "under the weight")
-    if isinstance(stage, Mechanism) and stage.layout.joints:
+    if isinstance(stage, MechanismFile) and stage.layout.joints:
         relative = finite.relative_bands(list(found.values())[-1], "pose", "stress")
         warnings += finite.by_weight(stage, g).warnings("under the weight", None, *relative)
     return setup.answer(Gravity, stage, found, mesh, settings, values, warnings=warnings)

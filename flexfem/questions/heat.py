@@ -16,14 +16,9 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.model import ModelChoice, analyse
 from flexfem.analytic.plates import warmed as warmed_network
-from flexfem.analytic.responses import WarmBodies, expansion_in_plane, require_expansion
-from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.fem.mesh import nodes_on
 from flexfem.fem.ports import warm_stress, warmed
 from flexfem.fem.response import (
@@ -33,14 +28,19 @@ from flexfem.fem.response import (
     free_displacement,
     heat_response,
 )
-from flexfem.fem.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
-from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.layout import Constants
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate_file import located
-from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.designs import lower, stage_frames
+from flexfem.paper.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
+from flexfem.paper.links import body_compliance, edge_motions
+from flexfem.paper.model import ModelChoice, analyse
+from flexfem.paper.responses import WarmBodies, expansion_in_plane, require_expansion
+from flexfem.paper.responses import drift as analytic_drift
+from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.paper.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, pose_bands
@@ -183,7 +183,7 @@ Drawn: TypeAlias = Callable[[], WarmFields | setup.MeshFields]
 
 @setup.options(not_for="analytic", only_for="plane")
 def drift(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     models: Models = "both",
     analytic: Analytic = DEFAULT,
@@ -265,7 +265,7 @@ def drift(
     @cache
     def warmed_on(resolution: int, layers: int) -> tuple[Array, Array]:
         """Motions (k, 3) of the ports and stress (3, h) in hinges by finite elements."""
-        assert isinstance(stage, Mechanism)
+        assert isinstance(stage, MechanismFile)
         of = (
             expansion._replace(plate=rates[0], frame=rates[1], of_parts=in_depth)
             if layers
@@ -302,7 +302,7 @@ def drift(
         )
         pose = pose_bands(sizes, poses, np.array([1.0, 1.0, lever]), poses_at_ends)
         found = {"pose": pose.T.reshape(each[-1]["pose"].shape)}
-        if isinstance(stage, Mechanism):
+        if isinstance(stage, MechanismFile):
             return plates.value_bands(sizes, each, ends) | found
         if not ends:
             edges = np.array([one["edges"] for one in each])
@@ -325,7 +325,7 @@ def drift(
         ).motions.T
         extruded = found.pop(SOLID)
         found |= {SHEET: ModelAnswer({"pose": sheet}), SOLID: extruded}
-    subject = stage if isinstance(stage, Mechanism) else setup.about(stage, heat=True)
+    subject = stage if isinstance(stage, MechanismFile) else setup.about(stage, heat=True)
     fields = drawn[0]() if drawn else None
     return setup.answer(
         Drift,
@@ -361,11 +361,11 @@ def _without_round_off(mechanism: Mechanism, motions: Array, stress: Array) -> V
     }
 
 
-def _frame_warnings(plate: Stage | Mechanism) -> list[str]:
+def _frame_warnings(plate: Mechanism) -> list[str]:
     return [FRAME_ASSUMED] * (plate.frame.expansion is None)
 
 
-def _coefficients(plate: Stage | Mechanism) -> tuple[float, float]:
+def _coefficients(plate: Mechanism) -> tuple[float, float]:
     """Return the coefficients of plate and frame, 1/K; that of the plate for both if none is stated
     for the frame.
     """
@@ -373,14 +373,14 @@ def _coefficients(plate: Stage | Mechanism) -> tuple[float, float]:
     return of_plate, of_plate if plate.frame.expansion is None else plate.frame.expansion
 
 
-def expansion_of(plate: Stage | Mechanism) -> Expansion:
+def expansion_of(plate: Mechanism) -> Expansion:
     """Return the expansion in the plane problem of a stage or mechanism."""
     of_plate, of_frame = _coefficients(plate)
     in_plane = expansion_in_plane(of_plate, of_frame, plate.layout.out_of_plane)
     if plate.model != "plane_strain":
         return Expansion(in_plane, of_frame, 0.0, _expansions_of_parts(plate, True))
     across: Any = plate.material.youngs_modulus * (of_frame - of_plate)
-    if isinstance(plate, Mechanism) and plate.layout.mixed:
+    if isinstance(plate, MechanismFile) and plate.layout.mixed:
         across = np.array(
             [
                 _stress_across(plate.layout.material_of(joint), of_frame)
@@ -396,7 +396,7 @@ def _stress_across(material: Constants, frame: float) -> float:
     return youngs_modulus * (frame - float(material.expansion or 0.0))
 
 
-def _expansions_of_parts(plate: Stage | Mechanism, in_plane: bool) -> Array | None:
+def _expansions_of_parts(plate: Mechanism, in_plane: bool) -> Array | None:
     """Return the expansions of bodies, then hinges, of the plane problem or of the material; None
     if they are alike.
     """

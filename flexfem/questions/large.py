@@ -19,17 +19,18 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.finite import displaced
-from flexfem.analytic.large import at_pose, axis_poses, linear_errors, outwards, summed_loads
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
-from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
-from flexfem.fem.fields import neck_stresses
 from flexfem.fem.nonlinear import equilibria, equilibrium, imposed
 from flexfem.fem.response import Response
-from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.equations import PaperModel, stiffness
+from flexfem.paper.equilibrium import at_pose, axis_poses, linear_errors, outwards, summed_loads
+from flexfem.paper.fields import neck_stresses
+from flexfem.paper.model import DEFAULT_FORMULA, analyse, assemble
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import plate_of
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, levels, percentages
 from flexfem.questions.curve import NUMBERS, Traced, by_beams, by_elements, numbers_of
@@ -244,7 +245,7 @@ class MechanismLarge(Result):
 
 @for_mechanisms(Large, MechanismLarge, only_for="force along")
 def large(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     amplitude: float | str = AMPLITUDE,
     along: Direction | None = None,
@@ -281,9 +282,14 @@ def large(
     0.36
     """
     mesh = mesh_of(
-        stage, models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION
+        stage,
+        models,
+        resolution,
+        None,
+        4 if isinstance(stage, MechanismFile) else 2,
+        usual=RESOLUTION,
     )
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         return _of_mechanism(stage, force, amplitude, along, mesh, progress)
     if isinstance(amplitude, str):
         amplitude = _length(amplitude)

@@ -16,21 +16,21 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from flexfem import arguments
-from flexfem.analytic.model import CALIBRATED, AnalyticResult, analyse
 from flexfem.analytic.strokes import Displaced
 from flexfem.arrays import Array, Index, is_largest
 from flexfem.fem.elements import von_mises
-from flexfem.fem.fields import notch_fields
 from flexfem.fem.response import Response
 from flexfem.files.refusals import one_line, place_of
 from flexfem.files.toml import read_csv
 from flexfem.hinges import strength
 from flexfem.hinges.strength import Basquin, BasquinFit, Wrench, equivalent
-from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, Material, unlikely
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate_file import located
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.designs import Designs, lower
+from flexfem.paper.fields import notch_fields
+from flexfem.paper.model import CALIBRATED, AnalyticResult, analyse
+from flexfem.paper.stage import Stage
 from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import stress_bands
@@ -359,7 +359,7 @@ def _highest_bands(
 
 @for_mechanisms(Life, MechanismLife, not_for="notch_sensitivity analytic", only_for="plane")
 def life(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     amplitude: tuple[float, float, float],
     mean: tuple[float, float, float] | None = None,
@@ -426,7 +426,7 @@ def life(
     warnings = list[str]()
     settings = dict[str, Any](asked.settings)
     notes = [*asked.notes, LEFT_OUT]
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         changes = finite.changes(
             stage, mesh, [finite.by_pose(stage.layout, end) for end in asked.ends]
         )
@@ -467,7 +467,7 @@ def life(
         farthest = np.abs(motion.mean) + np.abs(motion.amplitude)
         warnings += [*asked.warnings(found), *warning.of_motion(stage, farthest, "farthest pose")]
         warnings += preload_warnings(stage)
-    kind: type[Life] = MechanismLife if isinstance(stage, Mechanism) else Life
+    kind: type[Life] = MechanismLife if isinstance(stage, MechanismFile) else Life
     result = setup.answer(kind, stage, found, mesh, settings, warnings=warnings, notes=notes)
     result.law = asked.law
     result.yield_strength = asked.material.yield_strength
@@ -530,7 +530,7 @@ def checked_amplitude(amplitude: ArrayLike) -> Array:
 
 
 def _law(
-    stage: Stage | Mechanism, fit: Path | None, law: Basquin | BasquinFit | None
+    stage: Mechanism, fit: Path | None, law: Basquin | BasquinFit | None
 ) -> tuple[Basquin, list[str]]:
     """Return Basquin's law, and notes on its source and on the fit. Raises BadInput."""
     if fit is not None and law is not None:

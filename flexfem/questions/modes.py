@@ -14,28 +14,29 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.analytic.network import with_springs
 from flexfem.analytic.plates import modes as network_modes
 from flexfem.analytic.preloaded import modes as beam_modes
-from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array, Index, brief
 from flexfem.fem.export import write_vtu
-from flexfem.fem.fields import stack_loads
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.modes import Modes as ModesOfStructure
 from flexfem.fem.modes import VibratingStructure, lowest, stage_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.ports import plate_modes
-from flexfem.fem.stage_mesh import build_mesh, layers_of, plate_of, sheet_of
 from flexfem.fem.structure import mass_of, structure
 from flexfem.files.writing import replacing, write_atomically
-from flexfem.mechanism import bodies
-from flexfem.mechanism.bodies import Payload
-from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import counted
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper import bodies
+from flexfem.paper.bodies import Payload
+from flexfem.paper.drives import ActuatorSet, drive_of
+from flexfem.paper.fields import stack_loads
+from flexfem.paper.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
+from flexfem.paper.responses import dynamics
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_file import counted
+from flexfem.paper.stage_mesh import build_mesh, layers_of, plate_of, sheet_of
 from flexfem.questions import plates, preloaded
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence
@@ -348,7 +349,7 @@ class Vibration(NamedTuple):
 
 @options(not_for="payload tilting damping", only_for="plane force force_at")
 def modes(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     count: int = 6,
     force: tuple[float, float, float] | None = None,
@@ -398,7 +399,7 @@ def modes(
     """
     layers = elements_through(solid, thickness_resolution)
     mesh = plates.mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION)
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         load = preloaded.preload_of(stage, stated_load(stage.layout, force, force_at))
         return _of_mechanism(
             stage, arguments.integer("count", count, MOST), drives, mesh, models, progress, load

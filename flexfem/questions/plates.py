@@ -24,19 +24,20 @@ from flexfem.fem.body_stress import (
     point_stress,
 )
 from flexfem.fem.elements import Layers
-from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, held_nodes, hinge_stress, plate_model, plate_modes
 from flexfem.fem.response import Response
-from flexfem.fem.stage_mesh import layers_of as layers_of_plate
 from flexfem.fem.thickness import FEW_LAYERS, MANY_LAYERS, ThickHinge, thick_hinges
 from flexfem.files.tables import once
 from flexfem.hinges.wide import contraction
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.fields import neck_stresses
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import layers_of as layers_of_plate
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import (
     HELD,
@@ -165,14 +166,14 @@ class ElasticParts(NamedTuple):
 
 
 @once
-def meshed(plate: Stage | Mechanism, resolution: int) -> StageMesh:
+def meshed(plate: Mechanism, resolution: int) -> StageMesh:
     """Mesh the plate."""
     if isinstance(plate, Stage):
         return welded(sectors_of(plate, resolution))[0]
     return mesh_layout(plate.layout, resolution)
 
 
-def layers_of(plate: Stage | Mechanism, number: int) -> Layers | None:
+def layers_of(plate: Mechanism, number: int) -> Layers | None:
     """Return layers graded for the narrowest neck; None for number 0, in the plane."""
     return layers_of_plate(plate, number) if number else None
 
@@ -200,7 +201,7 @@ def factorised(
     )
 
 
-def solved(plate: Stage | Mechanism, resolution: int, layers: int = 0) -> Response:
+def solved(plate: Mechanism, resolution: int, layers: int = 0) -> Response:
     """Solve finite elements for unit loads on all ports, of a stage on its platform."""
     if isinstance(plate, Stage):
         return solve_solid(plate, resolution, layers) if layers else solved_stage(plate, resolution)
@@ -394,7 +395,7 @@ def has_slender_bodies(mechanism: Mechanism) -> bool:
 
 
 def mesh_of(
-    plate: Stage | Mechanism,
+    plate: Mechanism,
     models: Models,
     resolution: int | None,
     layers: int | None,
@@ -483,7 +484,7 @@ def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
 
 
 def elements(
-    plate: Stage | Mechanism, resolution: int, layers: int = 0, thick: Thickened | None = None
+    plate: Mechanism, resolution: int, layers: int = 0, thick: Thickened | None = None
 ) -> Responses:
     """Return the response of finite elements, of plane ones with the change by the thickness of
     hinges if given.
@@ -516,13 +517,13 @@ def elements(
     return Responses(compliance, stress, plane.bodies and bodies, plane.points and points)
 
 
-def responses(plate: Stage | Mechanism, response: Response) -> Responses:
+def responses(plate: Mechanism, response: Response) -> Responses:
     """Return compliance and stress of finite elements; the hinges of a stage are those of (3
     chains, 3 hinges).
     """
 
     def stress(loads: Array) -> Array:
-        if isinstance(plate, Mechanism):
+        if isinstance(plate, MechanismFile):
             return hinge_stress(response, loads)
         return neck_stresses(plate, response, loads.reshape(-1, 3)).highest.reshape(
             *loads.shape[:-1], 3, 3
@@ -614,7 +615,7 @@ def by_elements(
 
 
 def by_models(
-    plate: Stage | Mechanism,
+    plate: Mechanism,
     mesh: Mesh | None,
     models: Models,
     of_network: Callable[[bool], Values],
@@ -686,7 +687,7 @@ def left_out_corners(layout: Layout, mesh: StageMesh) -> list[str]:
 
 
 def over_yield(
-    plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str
+    plate: Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str
 ) -> list[str]:
     """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the
     load.
@@ -703,7 +704,7 @@ def over_yield(
     return warning.of_yield(max(highest), plate.material.yield_strength, where)
 
 
-def shares_of_yield(plate: Stage | Mechanism, stress: str) -> Array | float:
+def shares_of_yield(plate: Mechanism, stress: str) -> Array | float:
     """Return the yield strength of the plate over those of the hinges or bodies of a named stress;
     one of a stage.
     """

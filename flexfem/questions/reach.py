@@ -19,10 +19,11 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.strokes import Displaced
 from flexfem.arrays import Array, Index
-from flexfem.mechanism.designs import lower
-from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.designs import lower
+from flexfem.paper.drives import ActuatorSet, drive_of
+from flexfem.paper.stage import CHAINS, HINGE_NAMES
 from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.drive import (
@@ -231,7 +232,7 @@ class PoseRanges(NamedTuple):
 
 @options(not_for="load analytic", only_for="plane solid thickness_resolution")
 def reach(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     load: tuple[float, float, float] = (0.0, 0.0, 0.0),
     models: Literal["both", "analytic"] = "both",
@@ -263,7 +264,7 @@ def reach(
     >>> [round(1e3 * float(x), 1) for x in found.at("ends", end="high", model="analytic", direction="x")]  # um
     [24.0, 28.6]
     """
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         layers = elements_through(solid, thickness_resolution)
         return of_mechanism(stage, plates.mesh_of(stage, models, resolution, layers), models)
     mesh = mesh_of(stage, models, resolution, None, 2)

@@ -30,19 +30,20 @@ from typing import (
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.model import ModelChoice, choose
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION, Sector, StageMesh
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.stage_mesh import mesh_sectors, plate_of
 from flexfem.files.provenance import Sourced, assumptions
 from flexfem.files.tables import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import has_sharp_corner
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.model import ModelChoice, choose
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import mesh_sectors, plate_of
 from flexfem.refused import BadInput, printed
 from flexfem.results import AXES, SOLID, About, Progress, Result
 
@@ -55,8 +56,10 @@ Options = ParamSpec("Options")
 OfStage = TypeVar("OfStage", covariant=True)
 OfMechanism = TypeVar("OfMechanism", covariant=True)
 
+SUBJECTS = ("mechanism", "stage")  # names of the parameter that is what a question is about
 SHARED = {
     "stage : Stage": "The stage.",
+    "mechanism : Stage": "The stage.",
     'models : {"both", "analytic", "elements"}': "The models to compute.",
     "analytic : Analytic": "The analytic model.",
     "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
@@ -87,12 +90,14 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
     name, and for options `not_for` mechanisms or `only_for` them."""
     text = inspect.cleandoc(function.__doc__ or "")
     signature = inspect.signature(function)
-    of_mechanism = " or Mechanism" * ("Mechanism" in str(function.__annotations__.get("stage")))
+    subject_name = next((name for name in SUBJECTS if name in signature.parameters), "")
+    annotation = str(function.__annotations__.get(subject_name))
+    of_mechanism = " or Mechanism" * (annotation == "Mechanism")
     shared = list[str]()
     for head, description in SHARED.items():
         name = head.split()[0]
         if name in signature.parameters and f"\n{name} :" not in text:
-            shared += [head + of_mechanism * (name == "stage"), f"    {description}"]
+            shared += [head + of_mechanism * (name in SUBJECTS), f"    {description}"]
     kinds = str(function.__annotations__["return"]).split(" | ")
     returns = ", or ".join(kinds) + " of a mechanism" * (len(kinds) > 1)
     kind = function.__globals__.get(kinds[0].removeprefix("list[").removesuffix("]"))
@@ -114,10 +119,17 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
             raise BadInput(f"layers {printed(named['layers'])}: this option is now {SOLID_NOW}")
         hints = hints_of()
         bound = signature.bind(*positional, **named).arguments
+        subject = bound.get(subject_name)
+        own = subject.answering(function.__name__) if isinstance(subject, Mechanism) else None
         options = only_for
         known = "a mechanism"
         other = "the nine-hinge stage"
-        if isinstance(subject := bound.get("stage"), Mechanism):
+        if own is not None:
+            accepted = inspect.signature(own).parameters
+            options = " ".join(name for name in bound if name not in accepted)
+            known = "a mechanism file"
+            other = f"a {type(subject).kind}"
+        if isinstance(subject, MechanismFile):
             options, known, other = not_for, other, known
             if not of_mechanism:
                 raise BadInput(
@@ -138,13 +150,16 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
                 raise BadInput(f"{name} {printed(value)}, expected {' or '.join(words)}")
             if hints.get(name) is Analytic and not isinstance(value, Analytic):
                 raise BadInput(f"{name} {printed(value)}, expected a flexfem.Analytic")
-        if "stage" in bound and not isinstance(subject, Mechanism):
-            check_feasible(bound["stage"])
-        if isinstance(subject, Mechanism) and bound.get("plane"):
+        if subject_name in bound and not isinstance(subject, MechanismFile):
+            check_feasible(bound[subject_name])
+        if own is not None:
+            own_options = {name: bound[name] for name in list(bound)[1:] if name in accepted}
+            return own(subject, **own_options)
+        if isinstance(subject, MechanismFile) and bound.get("plane"):
             if bound.get("solid"):
                 raise BadInput("plane with solid, expected one of the two")
             if subject.model == "three_dimensional":
-                bound["stage"] = subject.replace(model="plane_stress")
+                bound[subject_name] = subject.replace(model="plane_stress")
             return function(**bound)
         return function(*positional, **named)
 
@@ -170,7 +185,7 @@ class OfBoth(Protocol[Options, OfStage, OfMechanism]):
 def for_mechanisms(
     of_stage: type[OfStage], of_mechanism: type[OfMechanism], not_for: str = "", only_for: str = ""
 ) -> Callable[
-    [Callable[Concatenate[Stage | Mechanism, Options], Any]], OfBoth[Options, OfStage, OfMechanism]
+    [Callable[Concatenate[Mechanism, Options], Any]], OfBoth[Options, OfStage, OfMechanism]
 ]:
     """Declare the kinds of result of `options` about stages and mechanisms, where they are
     different quantities.
@@ -265,7 +280,7 @@ def elements_through(solid: bool, thickness_resolution: int | None) -> int | Non
 
 
 def mesh_of(
-    plate: Stage | Mechanism,
+    plate: Mechanism,
     models: Models,
     resolution: int | None,
     layers: int | None,
@@ -286,13 +301,13 @@ def mesh_of(
             raise BadInput(f"{stated} with models 'analytic', expected models with finite elements")
         return None
     if layers is not None:
-        usual = PLATE_SOLID_RESOLUTION if isinstance(plate, Mechanism) else usual_solid
+        usual = PLATE_SOLID_RESOLUTION if isinstance(plate, MechanismFile) else usual_solid
     return Mesh(
         arguments.resolution(usual if resolution is None else resolution, least), layers or 0
     )
 
 
-def require_hinges(plate: Stage | Mechanism, clause: str, expected: str) -> None:
+def require_hinges(plate: Mechanism, clause: str, expected: str) -> None:
     """Raise BadInput for a plate without hinges: "no [[hinge]]", a relative clause, and what is
     `expected` instead.
     """
@@ -300,9 +315,9 @@ def require_hinges(plate: Stage | Mechanism, clause: str, expected: str) -> None
         raise BadInput(f"{plate.origin}: no [[hinge]], {clause}, expected {expected}")
 
 
-def lever_of(plate: Stage | Mechanism) -> float:
+def lever_of(plate: Mechanism) -> float:
     """Return the lever, mm: a rotation times it is comparable with a translation."""
-    return plate.layout.lever if isinstance(plate, Mechanism) else plate.chain.link_lengths[2]
+    return plate.layout.lever if isinstance(plate, MechanismFile) else plate.chain.link_lengths[2]
 
 
 @once
@@ -356,7 +371,7 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
 
 
 def about(
-    plate: Stage | Mechanism,
+    plate: Mechanism,
     heat: bool = False,
     drive: bool = False,
     files: Mapping[str, Sourced] = NOTHING,
@@ -410,14 +425,14 @@ def stack_models(
     return stacked
 
 
-def kind_of(kind: type[Kind], subject: Stage | Mechanism | About) -> type[Kind]:
+def kind_of(kind: type[Kind], subject: Mechanism | About) -> type[Kind]:
     """Return a kind of result, or its form for mechanisms."""
-    return cast(type[Kind], kind.of_mechanism) if isinstance(subject, Mechanism) else kind
+    return cast(type[Kind], kind.of_mechanism) if isinstance(subject, MechanismFile) else kind
 
 
 def answer(
     kind: type[Kind],
-    subject: Stage | Mechanism | About,
+    subject: Mechanism | About,
     models: Mapping[str, ModelAnswer],
     mesh: Mesh | None,
     settings: Mapping[str, Any] = NOTHING,
@@ -433,7 +448,7 @@ def answer(
     and the warnings and notes that apply to every question."""
     kind = kind_of(kind, subject)
     labels = {"model": tuple(models), **axes}
-    if isinstance(subject, Mechanism):
+    if isinstance(subject, MechanismFile):
         layout = subject.layout
         labels = {
             "hinge": [joint.name for joint in layout.joints],

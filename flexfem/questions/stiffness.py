@@ -14,18 +14,19 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.finite import buckling_factors
-from flexfem.analytic.model import AnalyticResult, ModelChoice, analyse
 from flexfem.analytic.preloaded import preloaded as beam_tangent
 from flexfem.arrays import Array, free_stiffness, is_largest
 from flexfem.fem.body_stress import moving_bodies
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
-from flexfem.fem.fields import neck_stresses
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.stage_mesh import sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.fields import neck_stresses
+from flexfem.paper.model import AnalyticResult, ModelChoice, analyse
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import sheet_of
 from flexfem.questions import finite, plates, preloaded, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid_bands, stress_bands
@@ -383,7 +384,7 @@ class MechanismSummary(Summary, mechanism=True):
     not_for="analytic", only_for="plane force_at tangent out_of_plane force_out_of_plane no_limits"
 )
 def stiffness(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     models: Models = "both",
     analytic: Analytic = DEFAULT,
@@ -447,7 +448,7 @@ def stiffness(
             "out_of_plane, expected finite elements in three dimensions, without plane or models "
             "'analytic'"
         )
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         preload = _preload(stage, load, tangent)
         if preload is not None:
             return _at_preload(
@@ -466,7 +467,7 @@ def stiffness(
     def of_network(elastic: bool) -> Values:
         if network is not None:
             return _values(stage, network.responses, load)
-        assert isinstance(stage, Mechanism)
+        assert isinstance(stage, MechanismFile)
         return _values(stage, plates.network(stage, elastic), load)
 
     def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
@@ -766,7 +767,7 @@ def _ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAn
     return _Part(values, bands, notes=described(mechanism.layout, reached))
 
 
-def _under_load(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer]) -> _Part:
+def _under_load(plate: Mechanism, found: Mapping[str, ModelAnswer]) -> _Part:
     """Warn of stress beyond the yield strength under the load."""
     if "force" not in list(found.values())[-1].values:
         return _Part()
@@ -873,7 +874,7 @@ def at_rest(compliance: Array) -> dict[str, Array]:
     return {"compliance": compliance, "stiffness": K, "held": np.diag(K), "free": free_stiffness(K)}
 
 
-def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
+def of_ports(plate: Mechanism, response: Responses) -> dict[str, Any]:
     """Return the values at rest, for a mechanism with the inputs seen from its drives.
 
     The amplification is the motion of the output, which is free, per opening of one actuator.
@@ -903,13 +904,13 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
     if highest.size:
         reach = plate.material.yield_strength / np.max(highest, axis=0)
         values |= {"yield_range": reach, "yield_force": np.diag(values["stiffness"]) * reach}
-    if isinstance(plate, Mechanism) and (drives := plate.layout.drive_ports):
+    if isinstance(plate, MechanismFile) and (drives := plate.layout.drive_ports):
         motions = plates.amplification(plate.layout, C)
         values |= {"input_stiffness": 1 / np.diag(C)[drives], "amplification": motions}
     return values
 
 
-def _values(plate: Stage | Mechanism, response: Responses, load: _Load) -> dict[str, Any]:
+def _values(plate: Mechanism, response: Responses, load: _Load) -> dict[str, Any]:
     """Return the values at rest, and those under the load if there is one."""
     values = of_ports(plate, response)
     C = response.compliance
@@ -919,7 +920,7 @@ def _values(plate: Stage | Mechanism, response: Responses, load: _Load) -> dict[
         loads[: len(F)] = F  # on the output, or on all points
         motions = C @ loads
         values |= {"force": loads[:3], "pose": motions, "energy": loads @ motions / 2}
-        if isinstance(plate, Mechanism):
+        if isinstance(plate, MechanismFile):
             values["pose"] = motions[: 3 * len(plate.layout.points)].reshape(-1, 3)
         values["neck_stress" if isinstance(plate, Stage) else "hinge_stress"] = response.stress(
             loads
@@ -937,9 +938,9 @@ def _values(plate: Stage | Mechanism, response: Responses, load: _Load) -> dict[
 
 
 def _bands(
-    plate: Stage | Mechanism, sizes: Array, each: list[Values], ends: Sequence[Values]
+    plate: Mechanism, sizes: Array, each: list[Values], ends: Sequence[Values]
 ) -> dict[str, Any]:
-    if isinstance(plate, Mechanism):
+    if isinstance(plate, MechanismFile):
         return plates.value_bands(sizes, each, ends)
     solutions = np.array([one["compliance"] for one in each])
     parts = dict[str, Array]()
@@ -981,7 +982,7 @@ def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dic
     return found | {label: ModelAnswer(values | parts, widths)}
 
 
-def _fields(plate: Stage | Mechanism, mesh: Mesh, values: Values, loads: Array) -> MeshFields:
+def _fields(plate: Mechanism, mesh: Mesh, values: Values, loads: Array) -> MeshFields:
     """Return displacement, mm, and stress, MPa, at all nodes by values under loads (n,) on the
     first ports.
 
@@ -991,12 +992,12 @@ def _fields(plate: Stage | Mechanism, mesh: Mesh, values: Values, loads: Array) 
     the output."""
     size = mesh
     ratio = plate.layout.out_of_plane
-    if isinstance(plate, Mechanism) and mesh.layers:
+    if isinstance(plate, MechanismFile) and mesh.layers:
         size = Mesh(levels(mesh.resolution)[0], mesh.layers)
     layers = plates.layers_of(plate, size.layers)
     meshed = (
         plates.meshed(plate, size.resolution)
-        if isinstance(plate, Mechanism)
+        if isinstance(plate, MechanismFile)
         else plates.solved(plate, *size).mesh
     )
 
@@ -1044,7 +1045,7 @@ def _ends(ends: Array) -> dict[str, Array]:
     }
 
 
-def _material(plate: Stage | Mechanism) -> tuple[dict[str, Any], list[str]]:
+def _material(plate: Mechanism) -> tuple[dict[str, Any], list[str]]:
     """Return the plane problem and the yield strength as settings, and the sources of the material
     as notes.
     """
@@ -1063,7 +1064,7 @@ def _material(plate: Stage | Mechanism) -> tuple[dict[str, Any], list[str]]:
 
 @setup.options(not_for="analytic", only_for="plane")
 def summary(
-    stage: Stage | Mechanism,
+    stage: Mechanism,
     *,
     models: Models = "both",
     analytic: Analytic = DEFAULT,
@@ -1110,7 +1111,7 @@ def summary(
         if "stiffness" in source:
             target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
         if (
-            isinstance(stage, Mechanism)
+            isinstance(stage, MechanismFile)
             and len(stage.layout.actuators) == 1
             and "amplification" in source
         ):
@@ -1118,7 +1119,7 @@ def summary(
                 "amplification": source["amplification"][0].T,
                 "input_stiffness": source["input_stiffness"][0],
             }
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         first = modes(stage, count=1, **mesh)
         values["frequency"] = first.internal.values["frequency"][0]
         bands |= {

@@ -6,16 +6,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.analytic.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.arrays import Array
 from flexfem.files.refusals import key_path
 from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.designs import envelope, lower
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import plate_mass, size_of, triangles_needed
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import Plane
+from flexfem.paper.designs import envelope, lower
+from flexfem.paper.model import AnalyticResult, analyse, best_model, corrected, in_range
+from flexfem.paper.stage import HINGE_NAMES, Stage
+from flexfem.paper.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.units import DIRECTIONS, LENGTH, PLANES, STRESS, short
 
@@ -196,7 +197,7 @@ def stiffer_by_thickness(stage: Stage) -> Array | None:
     return np.asarray(100 * (solid / plane - 1))
 
 
-def of_numbers(plate: Stage | Mechanism) -> Warnings:
+def of_numbers(plate: Mechanism) -> Warnings:
     """Warn of numbers of a file that are possible, but probably in another unit."""
     if isinstance(plate, Stage):
         kind = "stage"
@@ -229,7 +230,7 @@ def of_numbers(plate: Stage | Mechanism) -> Warnings:
     found = [text for text, (value, (low, high)) in plausible.items() if not low <= value <= high]
     found += _when(angles, "chain.joint_angles_deg are all within two pi")
     doubts = [f"{text}: {UNIT}" for text in found]
-    needed = triangles_needed(plate.layout) if isinstance(plate, Mechanism) else 0.0
+    needed = triangles_needed(plate.layout) if isinstance(plate, MechanismFile) else 0.0
     if needed > MANY_TRIANGLES:
         doubts.append(
             f"finite elements need about {needed:.2g} triangles with 8 across the necks, which "
@@ -239,7 +240,7 @@ def of_numbers(plate: Stage | Mechanism) -> Warnings:
     return doubts + of_payload(plate, carried)
 
 
-def of_payload(plate: Stage | Mechanism, mass: float) -> Warnings:
+def of_payload(plate: Mechanism, mass: float) -> Warnings:
     """Warn of a payload, tonne, that is far heavier than its plate."""
     if mass == 0.0:
         return []

@@ -12,25 +12,26 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import numpy as np
 
 import flexfem
-from flexfem.analytic import responses
-from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.model import analyse, hinge_compliances, in_range, invalid_hinges
 from flexfem.analytic.network import Dynamics
-from flexfem.analytic.paper import freedoms_of, mobility
 from flexfem.arrays import ROUND_OFF, AnyArray, Array
 from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.files.refusals import suggestion
 from flexfem.files.toml import bad_key
 from flexfem.hinges.strength import KEY, required_law
-from flexfem.mechanism.bodies import Payload
-from flexfem.mechanism.drives import drive_of, drives_of
 from flexfem.mechanism.feasibility import Broken, check_feasible, conditions
 from flexfem.mechanism.keys import LIFE_CONSTANTS, keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper import responses
+from flexfem.paper.batch import LOWEST, batch_at_rest, solved_design
+from flexfem.paper.bodies import Payload
+from flexfem.paper.drives import drive_of, drives_of
+from flexfem.paper.equations import freedoms_of, mobility
+from flexfem.paper.links import body_compliance, edge_motions
+from flexfem.paper.model import analyse, hinge_compliances, in_range, invalid_hinges
+from flexfem.paper.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.batch import LOWEST, batch_at_rest, solved_design
 from flexfem.questions.driven import Driven, drive_ranges
 from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
@@ -109,7 +110,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     The analytic model of stages computes them at once; other models and mechanisms, one after the
     other."""
     study = loaded.study
-    if study.model != "analytic" or isinstance(loaded.base, Mechanism):
+    if study.model != "analytic" or isinstance(loaded.base, MechanismFile):
         return joined(loaded, [_solved_row(loaded, each) for each in values])
     with np.errstate(all="ignore"):  # numbers of impossible designs, which are refused
         designs = designs_of(loaded, values)
@@ -206,7 +207,7 @@ class NoSuchNumber(BadInput):
     """A study requests a number that no result about the stage has."""
 
 
-def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> Array:
+def extra_numbers(loaded: LoadedStudy, stage: Mechanism) -> Array:
     """Return the numbers about one stage at the paths `study.ask`, and their bands, (asked, 2); nan
     without a band.
 
@@ -304,7 +305,7 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
         if reason:
             raise BadInput(reason)
         stage = plate_of(loaded, values)
-        if isinstance(stage, Mechanism):
+        if isinstance(stage, MechanismFile):
             return row_of("ok", "", extra_numbers(loaded, stage)[:, 0])
         check_feasible(stage)
         return with_warnings(loaded, values[None], row_of("ok", "", solved_values(stage, loaded)))
@@ -441,7 +442,7 @@ def _is_without_effect(loaded: LoadedStudy, drawn: Array, column: int) -> bool:
             plate = plate_of(loaded, values)
         except BadInput:
             return False
-        assert isinstance(plate, Mechanism)
+        assert isinstance(plate, MechanismFile)
         mechanisms.append(plate)
     one, other = mechanisms
     return one.hash == other.hash and one.frame == other.frame and one.material == other.material

@@ -19,7 +19,7 @@ from flexfem.files.refusals import one_line
 from flexfem.units import DIRECTIONS, unit_of
 
 if TYPE_CHECKING:
-    from flexfem.questions.batch import DesignAnswers
+    from flexfem.paper.batch import DesignAnswers
 
 RESERVED = ("design", "status", "reason")
 FEASIBLE = "feasible"  # column of a study with constraints

@@ -12,7 +12,8 @@ from flexfem.files.refusals import refusal, shown
 from flexfem.files.tables import Keywords, Label, Table
 from flexfem.mechanism.keys import PARAMETERS, key_suggestion, keys, matching_keys
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
 
 MANY = 100_000  # most values or points of one factor
@@ -212,9 +213,7 @@ def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
     return tuple(columns)
 
 
-def columns_on(
-    stage: Stage | Mechanism, factor: Factor, unused_keys: frozenset[str]
-) -> Iterator[Column]:
+def columns_on(stage: Mechanism, factor: Factor, unused_keys: frozenset[str]) -> Iterator[Column]:
     """Yield the columns of a factor; a normal distribution without a mean takes the value of the
     base stage.
 
@@ -229,7 +228,7 @@ def columns_on(
                 raise BadInput(f"mean is missing, and the stage has no single value of {names}")
             column = column._replace(factor=factor.model_copy(update={"mean": means.pop()}))
         for key in column_keys:
-            if isinstance(stage, Mechanism) and not key.places_in(stage):
+            if isinstance(stage, MechanismFile) and not key.places_in(stage):
                 known = (
                     ", ".join(f"{PARAMETERS[0]}.{name}" for name in stage.parameters)
                     or "it has none"

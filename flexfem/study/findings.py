@@ -18,7 +18,7 @@ from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, brief, is_wide
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, LIVES, RANGES, STRESSES
@@ -361,7 +361,7 @@ class Chosen(NamedTuple):
     """A drawn design of a front: its `place` among the points, its stage, and the numbers below it."""
 
     place: int
-    stage: Stage | Mechanism
+    stage: Mechanism
     numbers: Sequence[tuple[AxisText, float]]
 
 
@@ -565,7 +565,7 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     }
     points = np.column_stack([source.column(name)[rows] for name in (x, y)])
 
-    def stages_at(places: Index) -> Iterator[Stage | Mechanism | None]:
+    def stages_at(places: Index) -> Iterator[Mechanism | None]:
         values = np.column_stack(
             [table.columns[column.name][rows[places]] for column in loaded.columns]
         )
@@ -690,7 +690,7 @@ def spread(points: Array, count: int) -> Index:
     return np.unique(np.abs(along[:, None] - targets).argmin(axis=0))
 
 
-def drawable(loaded: LoadedStudy, values: Array) -> Stage | Mechanism | None:
+def drawable(loaded: LoadedStudy, values: Array) -> Mechanism | None:
     """Return the stage or mechanism of factor values (columns,), None where it cannot be made."""
     with suppress(BadInput, ValidationError):
         plate = plate_of(loaded, values)

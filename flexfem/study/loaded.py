@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.expressions import Evaluated, names_in, value_of
 from flexfem.files.provenance import Assumptions, Sourced, is_assumed
@@ -24,11 +23,13 @@ from flexfem.files.refusals import key_path, one_line, place_of, shown, suggesti
 from flexfem.files.toml import PathLike, bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
-from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.keys import PARAMETERS, Key, keys
-from flexfem.mechanism.mechanism import Mechanism, load
-from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import of_drive, of_heat
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile, load
+from flexfem.paper.designs import Designs, lower
+from flexfem.paper.responses import require_expansion
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_file import of_drive, of_heat
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
@@ -45,7 +46,7 @@ class LoadedStudy:
 
     path: Path
     study: Study
-    base: Stage | Mechanism
+    base: Mechanism
     columns: tuple[Column, ...]
     stem: str
     table: DesignTable | None = None
@@ -145,7 +146,7 @@ class LoadedStudy:
         overrides = (o for o in getattr(stage, "override", ()) if o.hinge or study.driven)
         used = study.names_of(*(constraint.value for constraint in study.refusing))
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
-        of_stage = stage.stated_hash if isinstance(stage, Mechanism) else stage.hash
+        of_stage = stage.stated_hash if isinstance(stage, MechanismFile) else stage.hash
         content |= {
             "stage": stage.drive_hash if isinstance(stage, Stage) and study.driven else of_stage,
             "heat": stage.heat_hash
@@ -180,9 +181,7 @@ def load_study(path: PathLike) -> LoadedStudy:
     return LoadedStudy(Path(path), study, stage, columns, Path(path).stem, table)
 
 
-def base_of(
-    path: PathLike, asked: Asked, study: Study
-) -> tuple[Stage | Mechanism, tuple[Column, ...]]:
+def base_of(path: PathLike, asked: Asked, study: Study) -> tuple[Mechanism, tuple[Column, ...]]:
     """Return the base that a file names, and the columns of its factors on this base, as
     `columns_on`.
 
@@ -202,20 +201,20 @@ def base_of(
     return base, tuple(columns)
 
 
-def base_stage(path: PathLike, study: Study) -> Stage | Mechanism:
+def base_stage(path: PathLike, study: Study) -> Mechanism:
     """Return the base that a study names. Raises BadInput where it does not fit."""
     try:
         stage = load(os.path.normpath(Path(path).parent / study.stage))
     except BadInput as error:
         raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
-    if isinstance(stage, Mechanism) != study.on_mechanism:
+    if isinstance(stage, MechanismFile) != study.on_mechanism:
         expected = (
             "a mechanism file"
             if study.on_mechanism
             else "factors with keys parameters.NAME for a mechanism"
         )
         raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}, expected {expected}")
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         return stage
     problem = f"model = {shown(study.model)} on a stage with model = {shown(stage.model)}, expected"
     if study.model in ("fe", "verify") and stage.model == "corrected":
@@ -242,14 +241,14 @@ def base_stage(path: PathLike, study: Study) -> Stage | Mechanism:
     return stage
 
 
-def is_fixed(name: str, columns: Sequence[Column], stage: Stage | Mechanism) -> bool:
+def is_fixed(name: str, columns: Sequence[Column], stage: Mechanism) -> bool:
     """Return whether a name is a key that no column sets, directly or, for one chain, by the key of
     all chains.
     """
     set_by = [path for column in columns for path in column.keys]
     if name not in keys() or name in set_by:
         return False
-    if isinstance(stage, Mechanism):
+    if isinstance(stage, MechanismFile):
         return all(is_fixed(used, columns, stage) for used in _expression_of(name, stage)[1])
     places = keys()[name].places_in(stage) if name.startswith("override.") else []
     return not any(place in keys()[path].places_in(stage) for path in set_by for place in places)
@@ -520,7 +519,7 @@ def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
     return designs
 
 
-def plate_of(loaded: LoadedStudy, values: Array) -> Stage | Mechanism:
+def plate_of(loaded: LoadedStudy, values: Array) -> Mechanism:
     """Return the stage or mechanism, without provenance, of the design with factor values
     (columns,), file units.
 
@@ -534,7 +533,7 @@ def plate_of(loaded: LoadedStudy, values: Array) -> Stage | Mechanism:
         if expected is not None:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
         key.set_in(changes, base, value)
-    if isinstance(base, Mechanism):
+    if isinstance(base, MechanismFile):
         return base.replace(
             **changes | {"provenance": {}}
         )  # whose update takes a third of the time
@@ -632,7 +631,7 @@ def _key_values(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) ->
     key = keys()[path]
     if is_fixed(path, loaded.columns, loaded.base):
         return np.full(1, key.value_in(loaded.base), dtype=np.float64)
-    if isinstance(loaded.base, Mechanism):
+    if isinstance(loaded.base, MechanismFile):
         text, used = _expression_of(path, loaded.base)
         return value_of(
             text, {name: _key_values(loaded, each, columns) for each, name in used.items()}

@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, BaseModel, Field, field_validator, model_validator
 
-from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
@@ -18,8 +17,9 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
 from flexfem.files.tables import KEPT, Label, Table
 from flexfem.mechanism.keys import LIFE_CONSTANTS, PARAMETERS, key_suggestion, keys
+from flexfem.paper.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
+from flexfem.paper.model import DEFAULT_FORMULA
 from flexfem.questions import warnings as warning
-from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
 from flexfem.study.factors import WAYS, Column, Factor, columns_of, given_in, require_keys
 

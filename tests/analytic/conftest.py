@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, Freedoms, PaperModel, influence
 from flexfem.arrays import Array
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.formulas import formula
-from flexfem.mechanism.frames import Frames, frames
+from flexfem.paper.equations import FREEDOMS_BY_MOBILITY, Freedoms, PaperModel, influence
+from flexfem.paper.frames import Frames, frames
 
 R = ("rotation",)
 RA = ("rotation", "axial")

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.paper import chain_poses, freedoms_of, in_joint_order, mechanism, stiffness
-from flexfem.analytic.responses import driven, link_parts
-from flexfem.mechanism.contacts import placed_stack
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.contacts import placed_stack
+from flexfem.paper.equations import chain_poses, freedoms_of, in_joint_order, mechanism, stiffness
+from flexfem.paper.responses import driven, link_parts
+from flexfem.paper.stage import load_stage
 
 from ..tolerances import DENSE
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.paper import first_order, resting, stiffness
-from flexfem.analytic.responses import dynamics
-from flexfem.mechanism.bodies import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
+from flexfem.paper.bodies import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
+from flexfem.paper.equations import first_order, resting, stiffness
+from flexfem.paper.model import analyse, assemble
+from flexfem.paper.responses import dynamics
 from flexfem.questions.modes import payload_of
 
 from ..conftest import UNLIKE, with_changes

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.large import at_pose, under_load
-from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, mechanism, stiffness
+from flexfem.paper.equations import FREEDOMS_BY_MOBILITY, mechanism, stiffness
+from flexfem.paper.equilibrium import at_pose, under_load
 from flexfem.refused import ComputationFailed
 
 from ..tolerances import DENSE

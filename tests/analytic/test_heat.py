@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.elastic_bodies import _pad_motion
-from flexfem.analytic.model import hinge_compliance
-from flexfem.analytic.paper import freedoms_of
-from flexfem.analytic.responses import drift, misfits
 from flexfem.hinges.chart import Compliance
-from flexfem.mechanism.designs import lower
+from flexfem.paper.designs import lower
+from flexfem.paper.equations import freedoms_of
+from flexfem.paper.links import _pad_motion
+from flexfem.paper.model import hinge_compliance
+from flexfem.paper.responses import drift, misfits
 
 from ..tolerances import DENSE
 

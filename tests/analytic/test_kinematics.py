@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.paper import (
+from flexfem.paper.equations import (
     FREEDOMS_BY_MOBILITY,
     chain_poses,
     freedoms_of,
@@ -13,7 +13,7 @@ from flexfem.analytic.paper import (
     joints_of,
     mobility,
 )
-from flexfem.mechanism.frames import frames
+from flexfem.paper.frames import frames
 
 
 @pytest.mark.parametrize("expected", [3, 6, 12, 21])

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from flexfem.analytic.elastic_bodies import bar_density, body_compliance
-from flexfem.analytic.model import analyse, hinge_compliance, network_of
 from flexfem.analytic.network import stiffness
-from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import inverse
-from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.equations import freedoms_of
+from flexfem.paper.links import bar_density, body_compliance
+from flexfem.paper.model import analyse, hinge_compliance, network_of
+from flexfem.paper.stage import Stage
 from flexfem.questions.setup import solved as solve_stage
 
 ROOT = Path(__file__).parents[2]

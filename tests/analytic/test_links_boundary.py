@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flexfem.analytic.elastic_bodies import Boundary, displacements, divided
 from flexfem.mechanism.outlines import Segment, polyline
+from flexfem.paper.links import Boundary, displacements, divided
 
 from ..tolerances import DENSE
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic import elastic_bodies as platform
-from flexfem.analytic.elastic_bodies import _half_hinge, _lug_compliance, platform_compliance
-from flexfem.analytic.model import hinge_compliance
-from flexfem.mechanism.bodies import body_sides, necks
-from flexfem.mechanism.stage import Stage
+from flexfem.paper import links as platform
+from flexfem.paper.bodies import body_sides, necks
+from flexfem.paper.links import _half_hinge, _lug_compliance, platform_compliance
+from flexfem.paper.model import hinge_compliance
+from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
 
 from ..tolerances import DENSE

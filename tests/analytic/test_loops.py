@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.paper import (
+from flexfem.paper.equations import (
     FREEDOMS_BY_MOBILITY,
     chain_poses,
     choose,
@@ -20,7 +20,7 @@ from flexfem.analytic.paper import (
     rank_revealing,
     stiffness,
 )
-from flexfem.mechanism.frames import Frames
+from flexfem.paper.frames import Frames
 
 from ..tolerances import DENSE
 from .conftest import close_loops

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import analyse, assemble, in_range
-from flexfem.analytic.paper import stiffness
-from flexfem.mechanism.designs import lower
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.designs import lower
+from flexfem.paper.equations import stiffness
+from flexfem.paper.model import analyse, assemble, in_range
+from flexfem.paper.stage import load_stage
 from flexfem.refused import BadInput, ComputationFailed
 
 from ..tolerances import DENSE

@@ -6,7 +6,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import JOINTS, network_of
 from flexfem.analytic.network import (
     GROUND,
     InternalMotions,
@@ -17,9 +16,10 @@ from flexfem.analytic.network import (
     topology,
     with_springs,
 )
-from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, mechanism, rank_revealing
-from flexfem.analytic.paper import stiffness as stiffness_of_paper
 from flexfem.arrays import inverse
+from flexfem.paper.equations import FREEDOMS_BY_MOBILITY, mechanism, rank_revealing
+from flexfem.paper.equations import stiffness as stiffness_of_paper
+from flexfem.paper.model import JOINTS, network_of
 
 from ..tolerances import DENSE
 

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.large import loaded, serial, under_load
-from flexfem.analytic.model import ModelChoice, analyse, assemble
-from flexfem.analytic.paper import joints_of, stiffness
 from flexfem.hinges.chart import Compliance
-from flexfem.mechanism.contacts import FOLLOWS, placed_stack
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.contacts import FOLLOWS, placed_stack
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.drives import drive_of
+from flexfem.paper.equations import joints_of, stiffness
+from flexfem.paper.equilibrium import loaded, serial, under_load
+from flexfem.paper.model import ModelChoice, analyse, assemble
+from flexfem.paper.stage import load_stage
 from flexfem.questions.drive import commanding
 from flexfem.refused import ComputationFailed
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.large import at_pose, axis_poses, linear_errors, summed_loads
-from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, dot, mechanism, rank_revealing, stiffness
+from flexfem.paper.equations import FREEDOMS_BY_MOBILITY, dot, mechanism, rank_revealing, stiffness
+from flexfem.paper.equilibrium import at_pose, axis_poses, linear_errors, summed_loads
 
 POSE = np.array([0.31, -0.24, 0.012])  # mm, mm, rad
 LEVER = 24.0  # mm

@@ -25,8 +25,8 @@ import flexfem
 from flexfem import cad
 from flexfem.fem.mesher import gmsh_session
 from flexfem.fem.plate_mesh import plate_contours
-from flexfem.mechanism.bodies import draw_sector
 from flexfem.mechanism.outlines import area
+from flexfem.paper.bodies import draw_sector
 from flexfem.refused import BadInput, ComputationFailed
 
 from ..conftest import UNLIKE, with_changes

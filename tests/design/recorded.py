@@ -15,7 +15,7 @@ from flexfem.design.result import (
     SoleRelaxation,
     Step,
 )
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 from flexfem.units import unit_of
 
 from .conftest import REFERENCE

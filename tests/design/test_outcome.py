@@ -16,7 +16,7 @@ from flexfem.design import outcome
 from flexfem.design.model import Correction, Model
 from flexfem.design.proof import ElementSolver, proof
 from flexfem.design.requirements import load_requirements
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 
 from ..tolerances import DENSE
 from .conftest import (

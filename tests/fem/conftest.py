@@ -12,8 +12,8 @@ import pytest
 
 from flexfem.fem.mesh import StageMesh, mapped
 from flexfem.fem.response import Response, platform_response
-from flexfem.fem.stage_mesh import build_mesh, plate_of
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.stage import Stage, load_stage
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 
 from ..conftest import UNLIKE, with_changes
 

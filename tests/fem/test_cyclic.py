@@ -9,15 +9,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.fem.fields import base_rotations, envelope, neck_stresses
 from flexfem.fem.mesh import StageMesh, joined
 from flexfem.fem.response import Response, platform_response, unit_response
-from flexfem.fem.stage_mesh import mesh_sectors, plate_of
 from flexfem.fem.structure import Structure
 from flexfem.fem.symmetry import chain_values
 from flexfem.mechanism.actuators import HINGE_NAMES
-from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation, turned
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.fields import base_rotations, envelope, neck_stresses
+from flexfem.paper.frames import CHAIN_TURN, chain_rotation, turned
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import mesh_sectors, plate_of
 from flexfem.refused import ComputationFailed
 
 from ..tolerances import SOLVED, SUMS

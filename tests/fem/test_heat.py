@@ -12,8 +12,8 @@ import pytest
 import flexfem
 from flexfem.fem.elements import nodal_stress
 from flexfem.fem.response import free_displacement, heat_response, platform_response
-from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.fem.structure import NONE, structure
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 
 from ..tolerances import SOLVED
 

@@ -13,8 +13,8 @@ from hinge_charts import FREEDOMS, HIGH, LOW, SingleHinge, compliance, hinge_mes
 from hinge_charts import sample as sample_anew
 
 from flexfem.fem.mesh import jacobians, scaled_jacobians
-from flexfem.fem.stage_mesh import grading, notch_sizes
 from flexfem.mechanism.outlines import Face, Segment, area
+from flexfem.paper.stage_mesh import grading, notch_sizes
 from flexfem.questions.bands import grid_convergence
 
 from ..tolerances import SOLVED

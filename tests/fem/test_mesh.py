@@ -18,14 +18,14 @@ import flexfem.fem.mesh
 from flexfem.fem import mesher
 from flexfem.fem.mesh import StageMesh, check_triangles, jacobians, scaled_jacobians
 from flexfem.fem.mesher import FaceMesh, run_mesher
-from flexfem.fem.stage_mesh import build_mesh
-from flexfem.mechanism.bodies import BODIES, draw_sector
-from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.outlines import area
 from flexfem.mechanism.plate import plate_polygon
-from flexfem.mechanism.stage import HINGE_NAMES
+from flexfem.paper.bodies import BODIES, draw_sector
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.frames import CHAIN_TURN, turned
+from flexfem.paper.stage import HINGE_NAMES
+from flexfem.paper.stage_mesh import build_mesh
 from flexfem.refused import BadInput, ComputationFailed
 
 from ..conftest import with_changes

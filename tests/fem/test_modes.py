@@ -10,13 +10,13 @@ import scipy.linalg
 import scipy.sparse.linalg
 
 from flexfem.fem.elements import Plate, integration
-from flexfem.fem.fields import driven_response
 from flexfem.fem.mesh import nodes_on, quadrature, shape_functions
 from flexfem.fem.modes import _aligned, modes, vibrating_structure
-from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.fem.structure import NONE, mass_of, structure
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.drives import drive_of
+from flexfem.paper.fields import driven_response
+from flexfem.paper.stage import load_stage
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import ComputationFailed
 

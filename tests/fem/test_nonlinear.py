@@ -12,8 +12,8 @@ from flexfem.fem import nonlinear
 from flexfem.fem.elements import Plate
 from flexfem.fem.factor import Factoriser
 from flexfem.fem.nonlinear import LargeStructure, equilibrium, imposed
-from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.fem.structure import structure
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.refused import ComputationFailed
 
 from ..conftest import with_changes

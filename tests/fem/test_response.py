@@ -13,14 +13,14 @@ import pytest
 import flexfem.fem.response
 from flexfem.fem.elements import Plate
 from flexfem.fem.factor import factorise
-from flexfem.fem.fields import neck_maxima, neck_stresses, neck_wrenches
 from flexfem.fem.mesh import ordered
 from flexfem.fem.response import factorised_whole, platform_response
-from flexfem.fem.stage_mesh import plate_of
 from flexfem.fem.structure import NONE, structure
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.frames import chain_rotation, turned
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.fields import neck_maxima, neck_stresses, neck_wrenches
+from flexfem.paper.frames import chain_rotation, turned
+from flexfem.paper.stage import load_stage
+from flexfem.paper.stage_mesh import plate_of
 from flexfem.refused import ComputationFailed
 
 from ..tolerances import SOLVED, SUMS

@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import flexfem.fem.stage_mesh
+import flexfem.paper.stage_mesh
 from flexfem.fem.mesh import jacobians, scaled_jacobians
 from flexfem.fem.mesher import end_processes, mesh_faces, run_mesher
 from flexfem.fem.response import unit_response
-from flexfem.fem.stage_mesh import mesh_sectors, plate_of, sector_drawing
 from flexfem.mechanism.outlines import Face
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.stage import load_stage
+from flexfem.paper.stage_mesh import mesh_sectors, plate_of, sector_drawing
 from flexfem.questions.bands import grid_convergence
 from flexfem.refused import ComputationFailed
 
@@ -78,7 +78,7 @@ def test_thirds_that_do_not_fit_are_refused(unlike, monkeypatch):
         job = sector_drawing(stage, chain, *resolutions)
         return job if chain != 2 else job._replace(divisions={**job.divisions, "cut ahead": 9})
 
-    monkeypatch.setattr(flexfem.fem.stage_mesh, "sector_drawing", finer)
+    monkeypatch.setattr(flexfem.paper.stage_mesh, "sector_drawing", finer)
     with pytest.raises(ComputationFailed, match="cut"):
         mesh_sectors(unlike.stage, 2)
 

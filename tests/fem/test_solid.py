@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from flexfem.fem.elements import Plate, layered, mirrored, nodal_stress
-from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import Sector, StageMesh, joined
 from flexfem.fem.response import platform_response, unit_response
-from flexfem.fem.stage_mesh import mesh_sectors
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.fields import neck_stresses
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import mesh_sectors
 
 from ..tolerances import SOLVED
 from ..validation.consistency import curved_cells, unsupported

@@ -12,9 +12,9 @@ from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import joined
 from flexfem.fem.modes import modes, stage_modes, vibrating_structure
-from flexfem.fem.stage_mesh import layers_of, mesh_sectors, sheet_of
 from flexfem.fem.structure import mass_of, structure
-from flexfem.mechanism.bodies import Payload, carried_out_of_plane, drawn_inertia
+from flexfem.paper.bodies import Payload, carried_out_of_plane, drawn_inertia
+from flexfem.paper.stage_mesh import layers_of, mesh_sectors, sheet_of
 
 from ..tolerances import SOLVED, SUMS
 from ..validation.vibration import third

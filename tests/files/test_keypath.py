@@ -10,7 +10,7 @@ import pytest
 from flexfem.baselines import inputs_of
 from flexfem.files.refusals import key_path, path_of
 from flexfem.mechanism.keys import keys
-from flexfem.mechanism.stage import load_feasible, load_stage
+from flexfem.paper.stage import load_feasible, load_stage
 from flexfem.refused import BadInput
 from flexfem.study.loaded import load_study
 

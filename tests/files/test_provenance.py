@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.case import LoadedCase
+from flexfem.paper.stage import load_stage
+from flexfem.paper.verification import run_case
 from flexfem.plot.text import assumption_note, markdown_report
-from flexfem.questions.case import LoadedCase
-from flexfem.questions.errors import run_case
 from flexfem.study.loaded import load_study
 
 ROOT = Path(__file__).parents[2]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hinge_charts import RATIOS, SingleHinge, sample
 
-from flexfem.analytic.model import analyse
 from flexfem.hinges.chart import beam_integrals, hinge_chart
 from flexfem.hinges.formulas import FORMULAS, formula
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import load_stage
 from flexfem.questions.check import hinge_review
 from flexfem.refused import BadInput
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from hinge_charts import SingleHinge, hinge_mesh
 
-from flexfem.analytic.model import at_necks
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import nodes_on
 from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
-from flexfem.mechanism.frames import Frames
 from flexfem.mechanism.profiles import Concentration, concentration
+from flexfem.paper.frames import Frames
+from flexfem.paper.model import at_necks
 
 from ..validation.fields import Support, edge_force, nearest_node, solve
 

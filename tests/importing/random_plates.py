@@ -240,7 +240,7 @@ def random_mechanism(seed: int) -> Mechanism:
         }
         content |= {"body": bodies, "hinge": hinges, "output": {"body": body, "at_mm": xy(at)}}
         try:
-            made = api.Mechanism.model_validate(content | ({"copy": copies} if copies else {}))
+            made = api.MechanismFile.model_validate(content | ({"copy": copies} if copies else {}))
             check_feasible(made)
         except BadInput:
             continue

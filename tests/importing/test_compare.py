@@ -103,7 +103,7 @@ def test_polygons_follow_arcs_and_curves_of_hinges():
         ],
         "output": {"body": "b", "at_mm": [12.0, 0.0]},
     }
-    layout = api.Mechanism.model_validate(content).layout
+    layout = api.MechanismFile.model_validate(content).layout
     exact = 2 * 16 * 12 + 8 * (0.7 + 2 * 1.3) - 2 * math.pi / 2 * 4 * 1.3
     assert shapely.area(fine_polygon(layout)) == pytest.approx(exact, rel=1e-6)
 

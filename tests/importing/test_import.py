@@ -12,7 +12,7 @@ import pytest
 import flexfem as api
 from flexfem.importing.drawings import Reading, imported
 from flexfem.importing.roles import Wishes
-from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import body_polygon
 from flexfem.refused import BadInput
 
@@ -62,7 +62,7 @@ def require_same(plate, made, exact=SAME):
         for key, value in vars(joint.profile).items():
             if isinstance(value, float):
                 assert abs(getattr(twin.profile, key) - value) < MICROMETRE, (joint.name, key)
-    if isinstance(plate, Mechanism):
+    if isinstance(plate, MechanismFile):
         absent = {part.name for part in (*plate.actuator, *plate.point)}  # no drawing has them
         copies = [
             each.model_copy(

@@ -49,7 +49,7 @@ CHAIN = {  # three blocks in a row: screws in the first, the second is the large
 
 @pytest.fixture(scope="module")
 def chain():
-    return found_plate(api.Mechanism.model_validate(CHAIN).layout)
+    return found_plate(api.MechanismFile.model_validate(CHAIN).layout)
 
 
 @pytest.fixture(scope="module")

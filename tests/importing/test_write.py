@@ -102,7 +102,7 @@ def stiffness_of(mechanism):
 
 @pytest.mark.slow
 def test_a_turned_guide_is_written_exactly_and_stays_closed_when_a_leaf_changes():
-    mechanism = api.Mechanism.model_validate(turned(LEAVES, 30.0))
+    mechanism = api.MechanismFile.model_validate(turned(LEAVES, 30.0))
     plate = of_file(mechanism)
     assert plate.off.area < 1e-7 and plate.off.largest < 1e-4  # polygons follow arcs within 4e-6 mm
     written = plate.mechanism
@@ -202,7 +202,7 @@ def test_hinges_that_differ_by_more_than_a_micrometre_have_numbers_of_their_own(
 
 
 def test_a_table_is_read_from_the_other_end_where_the_ground_is_there():
-    mechanism = api.Mechanism.model_validate(
+    mechanism = api.MechanismFile.model_validate(
         LEAVES
         | {
             "hinge": [
@@ -229,7 +229,7 @@ def test_a_table_is_read_from_the_other_end_where_the_ground_is_there():
 
 
 def test_a_fillet_cannot_be_clamped():
-    layout = api.Mechanism.model_validate(LEAVES).layout
+    layout = api.MechanismFile.model_validate(LEAVES).layout
     body = layout.bodies[0]
     arc = next(segment for segment in body.outline if segment.centre is not None)
     with pytest.raises(BadInput, match="this is a fillet"):

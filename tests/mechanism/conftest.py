@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.stage import Stage
 
 from ..conftest import UNLIKE, with_changes
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexfem.mechanism.actuators import Actuator, catalogue, hertz
-from flexfem.mechanism.drives import contacts, drive_of
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.paper.drives import contacts, drive_of
+from flexfem.paper.stage import Stage, load_feasible
 from flexfem.questions.driven import Driven
 from flexfem.refused import BadInput
 

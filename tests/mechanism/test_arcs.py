@@ -11,7 +11,7 @@ import pytest
 
 import flexfem
 from flexfem.fem.plate_mesh import mesh_layout, plate_contours
-from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.outlines import area
 from flexfem.questions.plates import elements
 from flexfem.refused import BadInput
@@ -42,7 +42,7 @@ contact_mm = 0.5
 
 def bodies_of(text: str) -> list[float]:
     """Areas of the bodies of a mechanism, holes taken off."""
-    layout = Mechanism.model_validate(
+    layout = MechanismFile.model_validate(
         tomllib.loads(HEAD + text + OUTPUT.format(x=1.0, y=1.0))
     ).layout
     return [area(body.outline) + sum(map(area, body.holes)) for body in layout.bodies]
@@ -173,7 +173,7 @@ def test_a_curved_strip_bends_as_the_theories_of_winkler_and_castigliano_say():
     The couple is read at 60 degrees, away from where it is introduced.
     """
     at = 10 * np.exp(1j * np.deg2rad(80))
-    strip = Mechanism.model_validate(
+    strip = MechanismFile.model_validate(
         tomllib.loads(HEAD + QUARTER + OUTPUT.format(x=float(at.real), y=float(at.imag)))
     )
     found = elements(strip, 6).compliance
@@ -202,7 +202,7 @@ def test_an_arc_that_is_clamped_is_held_along_its_whole_length_and_drawn_as_an_a
         "[[0, 0, 0, 18], [12, 0], [12, 8], [0, 8]]"  # most of a disc of 10 mm radius below a stub
     )
     text = HEAD + plate_with(outline) + OUTPUT.format(x=6.0, y=7.0)
-    layout = Mechanism.model_validate(tomllib.loads(text)).layout
+    layout = MechanismFile.model_validate(tomllib.loads(text)).layout
     (body,) = layout.bodies
     held = [body.outline[k] for k in body.clamped]
     assert sum(each.length for each in held) == pytest.approx(

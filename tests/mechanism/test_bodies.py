@@ -13,11 +13,11 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.mechanism.bodies import BODIES, centrelines, draw_sector, turn
-from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import Face, Segment, area, polygon_points
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.paper.bodies import BODIES, centrelines, draw_sector, turn
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.stage import HINGE_NAMES, Stage
 from flexfem.refused import BadInput
 
 ROUND_OFF = 1e-9  # mm; coordinates near 70 mm, after a dozen turns and tangents

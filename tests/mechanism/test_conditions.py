@@ -10,9 +10,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.feasibility import check_closed_form, conditions
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.designs import Designs, lower
+from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
 
 COUNT = 300

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.mechanism.bodies import centrelines
-from flexfem.mechanism.contacts import (
+from flexfem.paper.bodies import centrelines
+from flexfem.paper.contacts import (
     SPREAD,
     Station,
     bend_stresses,
@@ -19,7 +19,7 @@ from flexfem.mechanism.contacts import (
     share_beyond,
     station,
 )
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.stage import Stage, load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 GRID = (

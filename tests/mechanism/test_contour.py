@@ -13,12 +13,12 @@ from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from flexfem.fem.plate_mesh import plate_contours
-from flexfem.mechanism.bodies import draw_sector
 from flexfem.mechanism.drawing import Part, cut_path
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import Segment, area, circle_of, polygon_points
 from flexfem.mechanism.plate import plate_polygon
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.bodies import draw_sector
+from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
 
 from .test_bodies import about

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 import shapely
 
-from flexfem.mechanism.bodies import stage_layout
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.plate import clashes, plate_polygon
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.bodies import stage_layout
+from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
 
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from flexfem.files.tables import once
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.frames import CHAIN_TURN, direction, frames
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.frames import CHAIN_TURN, direction, frames
+from flexfem.paper.stage import HINGE_NAMES, Stage
 
 from ..conftest import StageMaker
 

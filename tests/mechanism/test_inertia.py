@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from flexfem.mechanism.bodies import (
+from flexfem.mechanism.outlines import Segment, area, area_moments, polygon_points, polyline
+from flexfem.paper.bodies import (
     Payload,
     body_moments,
     carried_out_of_plane,
     draw_sector,
     drawn_inertia,
 )
-from flexfem.mechanism.outlines import Segment, area, area_moments, polygon_points, polyline
 
 from ..conftest import UNLIKE, with_changes
 

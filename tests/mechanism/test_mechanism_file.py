@@ -14,7 +14,7 @@ import pytest
 
 import flexfem
 from flexfem.files.writing import toml_text
-from flexfem.mechanism.mechanism import Mechanism, load_mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile, load_mechanism
 from flexfem.mechanism.outlines import area
 from flexfem.refused import BadInput
 from flexfem.schemas import schema_of
@@ -78,7 +78,7 @@ parts = ["frame", "crank", "root"]
 count = "legs"
 about_mm = [10, 0]
 """
-ODD = Mechanism.model_validate(
+ODD = MechanismFile.model_validate(
     tomllib.loads(TEXT)
 )  # its parts do not fit together, which its layout does not mind
 
@@ -217,7 +217,7 @@ def test_a_mechanism_built_in_python_is_that_of_a_file():
         for name, y in (("ground", -5), ("stage", 55))
     ]
     bars[0]["fixed"] = True
-    built = Mechanism(
+    built = MechanismFile(
         name="built",
         thickness=10,
         material="al-7075-t6",

@@ -17,9 +17,9 @@ from pydantic import ValidationError
 
 from flexfem.files.refusals import KeyPath
 from flexfem.files.toml import MAX_BYTES, read_toml
-from flexfem.mechanism.designs import lower
-from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage, load_stage
-from flexfem.mechanism.stage_file import Plane
+from flexfem.paper.designs import lower
+from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage, load_stage
+from flexfem.paper.stage_file import Plane
 from flexfem.refused import BadInput
 
 from ..conftest import with_changes

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
+from flexfem.paper.verification import CurveModels, HingeDrawing, Verification
 from flexfem.questions.budget import Budget
 from flexfem.questions.convergence import MeshConvergence
-from flexfem.questions.errors import CurveModels, HingeDrawing, Verification
 from flexfem.questions.plates import MechanismErrors
 from flexfem.results import About, Fields
 

@@ -15,8 +15,8 @@ import pytest
 from matplotlib import pyplot
 
 import flexfem
+from flexfem.paper.fixture import MeasuredSlopes, Measurement
 from flexfem.questions.check import hinge_review, thickness_review
-from flexfem.questions.fixture import MeasuredSlopes, Measurement
 from flexfem.results import Result
 from flexfem.study.findings import (
     AxisText,

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from flexfem.design.result import read_design
+from flexfem.paper.verification import Verification
 from flexfem.plot.errors import mechanism_figure
-from flexfem.questions.errors import Verification
 from flexfem.questions.plates import MechanismErrors
 from flexfem.refused import BadInput
 from flexfem.results import write_sealed

@@ -9,7 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.stage import Stage, load_stage
 
 from ..conftest import ROOT
 

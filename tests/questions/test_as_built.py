@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.questions import plates
 from flexfem.refused import BadInput
 
@@ -167,7 +167,7 @@ def guide():
         "length_mm": 40,
         "neck_mm": 0.5,
     }
-    return Mechanism.model_validate(
+    return MechanismFile.model_validate(
         {
             "name": "three leaves",
             "thickness_mm": 10,

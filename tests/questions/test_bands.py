@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import analyse
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import Stage
 from flexfem.questions.bands import (
     SolidLevels,
     command_convergence,

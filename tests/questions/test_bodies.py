@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.mechanism.mechanism import load_mechanism
+from flexfem.mechanism.mechanism_file import load_mechanism
 from flexfem.refused import BadInput
 
 E = 70e3

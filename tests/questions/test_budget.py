@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.model import analyse
-from flexfem.mechanism.stage import load_feasible
 from flexfem.page.key import errors_driven, rows_at_rest
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import load_feasible
 from flexfem.questions import budget as module
 from flexfem.questions.budget import (
     CHART,

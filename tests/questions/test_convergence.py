@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.stage import load_stage
 from flexfem.questions import convergence
 from flexfem.questions.bands import grid_convergence, levels, mesh_band, stress_bands
 from flexfem.questions.convergence import converge

@@ -14,7 +14,7 @@ from flexfem.fem.mesh import jacobians
 from flexfem.fem.plate_bodies import hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import forces_on_ports
-from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.questions.setup import ELASTIC
 from flexfem.results import ANALYTIC, ELEMENTS
 
@@ -111,14 +111,14 @@ SAMPLED = 1e-4  # of the square of the radius: the slope of the edge is taken at
 
 @pytest.fixture(scope="module")
 def guide():
-    return Mechanism.model_validate(GUIDE)
+    return MechanismFile.model_validate(GUIDE)
 
 
 def test_plane_strain_drift_of_unequal_plate_and_frame():
     """25 mm above the ground: `a + nu (a - a_frame)` = 23.6 + 0.33 * 22.6 um/(m K), of which 590 is
     the plate's own.
     """
-    found = flexfem.drift(Mechanism.model_validate(LEAVES))
+    found = flexfem.drift(MechanismFile.model_validate(LEAVES))
     assert found.at("pose", case="uniform", model=ANALYTIC, direction="y")[0] == pytest.approx(
         776.45e-6, CLOSED_FORM
     )
@@ -143,16 +143,16 @@ def test_plane_strain_drift_of_unequal_plate_and_frame():
         assert np.all((stress > held) & (stress < 1.05 * held))
         assert np.all(found.at("stress", case=case, model=ELEMENTS) > held)
     free = flexfem.drift(
-        Mechanism.model_validate({**LEAVES, "model": "plane_stress"}), models="analytic"
+        MechanismFile.model_validate({**LEAVES, "model": "plane_stress"}), models="analytic"
     )
     assert free.at("pose", case="uniform", direction="y")[0] == pytest.approx(590e-6, CLOSED_FORM)
 
 
 def test_plane_strain_of_a_plate_and_frame_that_expand_alike_is_free():
     alike = {**LEAVES, "frame": EXPANDING}
-    strain = flexfem.drift(Mechanism.model_validate(alike), models="analytic")
+    strain = flexfem.drift(MechanismFile.model_validate(alike), models="analytic")
     stress = flexfem.drift(
-        Mechanism.model_validate({**alike, "model": "plane_stress"}), models="analytic"
+        MechanismFile.model_validate({**alike, "model": "plane_stress"}), models="analytic"
     )
     np.testing.assert_allclose(strain.pose, stress.pose, rtol=CLOSED_FORM)
     assert np.max(strain.stress) == 0.0
@@ -235,7 +235,7 @@ def test_a_hinge_reaches_to_its_end_at_ground_and_to_60_degrees_at_a_body(guide)
 
 def test_equal_notches_at_ground_and_between_bodies_have_their_own_compliances():
     same = [{**hinge, "neck_mm": 0.9} for hinge in GUIDE["hinge"]]
-    layout = Mechanism.model_validate({**GUIDE, "hinge": same}).layout
+    layout = MechanismFile.model_validate({**GUIDE, "hinge": same}).layout
     low, high, other_low, other_high = hinge_compliances(layout, mesh_layout(layout, 4))
     np.testing.assert_array_equal([low, high], [other_low, other_high])
     more = (

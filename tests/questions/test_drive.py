@@ -13,10 +13,10 @@ from matplotlib.quiver import Quiver
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.fem.fields import driven_response
-from flexfem.fem.stage_mesh import build_mesh, plate_of
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.drives import drive_of
+from flexfem.paper.fields import driven_response
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.plot.drive import plot_drive, plot_forces, plot_strokes, stack_ends
 from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Driven

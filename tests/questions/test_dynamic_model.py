@@ -10,10 +10,10 @@ import scipy.linalg
 from scipy.io import loadmat
 
 import flexfem
-from flexfem.fem.fields import driven_response
 from flexfem.fem.modes import modes
-from flexfem.fem.stage_mesh import build_mesh, plate_of
-from flexfem.mechanism.drives import drive_of
+from flexfem.paper.drives import drive_of
+from flexfem.paper.fields import driven_response
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.questions.driven import Driven
 from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import BadInput

@@ -7,11 +7,11 @@ import re
 import numpy as np
 import pytest
 
-from flexfem.fem.fields import neck_stresses
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.case import LoadedCase
+from flexfem.paper.fields import neck_stresses
+from flexfem.paper.stage import load_stage
+from flexfem.paper.verification import Verification, run_case, verification
 from flexfem.questions.bands import error_matrix, solve_solid
-from flexfem.questions.case import LoadedCase
-from flexfem.questions.errors import Verification, run_case, verification
 from flexfem.questions.setup import solved
 from flexfem.refused import BadInput
 

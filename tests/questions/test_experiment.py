@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.questions.experiment import experiment, simulated, slope_of, spring_in_series
-from flexfem.questions.fixture import MeasuredSlopes, Pole, fixture_of, pushes_of
+from flexfem.paper.experiment import experiment, simulated, slope_of, spring_in_series
+from flexfem.paper.fixture import MeasuredSlopes, Pole, fixture_of, pushes_of
 from flexfem.refused import ComputationFailed
 
 from ..conftest import ROOT

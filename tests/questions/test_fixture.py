@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.questions.fixture import Fixture, Measurement, fixture_of, measured_of
+from flexfem.paper.fixture import Fixture, Measurement, fixture_of, measured_of
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
-from flexfem.analytic.paper import stiffness
-from flexfem.analytic.responses import driven_model
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.drives import drive_of
+from flexfem.paper.equations import stiffness
+from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
+from flexfem.paper.responses import driven_model
+from flexfem.paper.stage import load_stage
 from flexfem.questions.drive import commanding, driven_elements, left_open
 from flexfem.questions.driven import Driven
 from flexfem.refused import BadInput

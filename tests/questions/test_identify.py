@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.questions.fixture import MeasuredSlopes, Measurement, fixture_of, pushes_of
-from flexfem.questions.identify import identify
+from flexfem.paper.fixture import MeasuredSlopes, Measurement, fixture_of, pushes_of
+from flexfem.paper.identify import identify
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy.linalg import lstsq
 
-from flexfem.analytic.model import analyse, hinge_compliance
-from flexfem.analytic.paper import KINDS, freedoms_of
-from flexfem.analytic.responses import driven_model
-from flexfem.fem.fields import driven_response
-from flexfem.fem.stage_mesh import build_mesh, plate_of
-from flexfem.mechanism.contacts import hinge_couples
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.case import LoadedCase
+from flexfem.paper.contacts import hinge_couples
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.equations import KINDS, freedoms_of
+from flexfem.paper.fields import driven_response
+from flexfem.paper.imposed import commanded_hinges, imposed
+from flexfem.paper.model import analyse, hinge_compliance
+from flexfem.paper.responses import driven_model
+from flexfem.paper.stage import Stage, load_stage
+from flexfem.paper.stage_mesh import build_mesh, plate_of
+from flexfem.paper.verification import run_case
 from flexfem.questions.bands import error_matrix
-from flexfem.questions.case import LoadedCase
-from flexfem.questions.errors import run_case
-from flexfem.questions.imposed import commanded_hinges, imposed
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT, UNLIKE, with_changes

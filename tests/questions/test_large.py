@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.large import at_pose
-from flexfem.analytic.model import analyse, assemble
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.stage_mesh import plate_of
+from flexfem.paper.equilibrium import at_pose
+from flexfem.paper.model import analyse, assemble
+from flexfem.paper.stage_mesh import plate_of
 from flexfem.plot.drive import large_figure
 from flexfem.questions import large as module
 from flexfem.questions.large import EXACT, HELD, LOADED, TANGENT, WITHOUT, Large

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.model import analyse
-from flexfem.analytic.responses import dynamics
 from flexfem.commands import cli
-from flexfem.mechanism.bodies import Payload
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.bodies import Payload
+from flexfem.paper.model import analyse
+from flexfem.paper.responses import dynamics
+from flexfem.paper.stage import Stage
 from flexfem.plot.modes import modes_figure
 from flexfem.questions.modes import ABOVE_THIRD, frequency_convergence
 

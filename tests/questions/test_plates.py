@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.questions import plates
 from flexfem.questions.large import MechanismLarge
 from flexfem.questions.life import MechanismLife
@@ -51,7 +51,7 @@ def test_wide_leaves_lie_between_plane_stress_and_plane_strain_and_bands_cover_f
     """A wide clamped leaf cannot bend across its width: plane strain is the limit of its stiffness,
     1 / (1 - nu^2).
     """
-    guide = Mechanism.model_validate(GUIDE)
+    guide = MechanismFile.model_validate(GUIDE)
     found = flexfem.stiffness(guide, models="elements", solid=True)
     plane, solid = found.values["free"]
     assert 1.06 < solid[0] / plane[0] < 1 / (1 - 0.33**2)
@@ -69,7 +69,7 @@ def test_wide_leaves_lie_between_plane_stress_and_plane_strain_and_bands_cover_f
 
 
 def test_one_quadratic_triangle_across_the_middle_of_a_leaf_is_enough():
-    guide = Mechanism.model_validate(GUIDE)
+    guide = MechanismFile.model_validate(GUIDE)
     coarse, fine = (np.diag(plates.elements(guide, level).compliance)[:3] for level in (4, 10))
     np.testing.assert_allclose(coarse, fine, rtol=4e-4)
 
@@ -92,7 +92,7 @@ def test_a_quarter_ring_without_hinges_has_the_compliance_of_a_curved_beam():
         "clamped_edges": [1],
     }
     output = {"body": "arc", "at_mm": [0, 40], "contact_mm": 0.6}
-    ring = Mechanism.model_validate({**GUIDE, "body": [arc], "hinge": [], "output": output})
+    ring = MechanismFile.model_validate({**GUIDE, "body": [arc], "hinge": [], "output": output})
     found = flexfem.stiffness(ring, models="elements", resolution=4, force=(1, 0, 0))
     bending = 40**3 / (72_000 * 10 / 12)
     expected = 1 / (bending * np.array([3 * np.pi / 4 - 2, np.pi / 4]))
@@ -106,7 +106,7 @@ def test_bodies_more_compliant_than_hinges_are_named():
         {"name": "stage", "path_mm": [[-17, 17.5], [17, 17.5]], "width_mm": 1},
     ]
     found = flexfem.stiffness(
-        Mechanism.model_validate(GUIDE | {"body": bodies, "model": "plane_stress"})
+        MechanismFile.model_validate(GUIDE | {"body": bodies, "model": "plane_stress"})
     )
     assert "in y, theta, bodies are more compliant than hinges" in [
         text.partition(":")[0] for text in found.warnings
@@ -121,12 +121,12 @@ def test_a_hinge_with_too_many_triangles_is_refused_before_it_is_meshed():
         ComputationFailed, match=r"^a needs about .* triangles, expected at most 1e\+06"
     ):
         flexfem.stiffness(
-            Mechanism.model_validate(plane | {"hinge": thin}), models="elements", resolution=64
+            MechanismFile.model_validate(plane | {"hinge": thin}), models="elements", resolution=64
         )
     with pytest.raises(
         BadInput, match=r"finite elements need about .* for a, 1e-05 mm wide, expected"
     ):
-        flexfem.check(Mechanism.model_validate(GUIDE | {"hinge": thinnest}))
+        flexfem.check(MechanismFile.model_validate(GUIDE | {"hinge": thinnest}))
 
 
 @pytest.mark.slow
@@ -150,7 +150,7 @@ def test_bands_of_hinge_stresses_contain_those_of_a_much_finer_mesh(question):
         "hinge": hinges,
         "model": "plane_stress",
     }  # the bands of the meshes alone
-    guide = Mechanism.model_validate(GUIDE | plane | expansions)
+    guide = MechanismFile.model_validate(GUIDE | plane | expansions)
     usual, fine = (
         getattr(flexfem, question)(guide, models="elements", resolution=n) for n in (8, 24)
     )
@@ -178,7 +178,7 @@ def test_a_mass_on_a_bar_vibrates_out_of_the_plane_with_the_stiffness_of_a_timos
     bar["hinge"] = [
         {"name": "bar", "at_mm": [0, 20], "fillet_mm": 0} | LEAF | {"length_mm": 40, "neck_mm": 2}
     ]
-    found = flexfem.modes(Mechanism.model_validate(bar), count=2, solid=True)
+    found = flexfem.modes(MechanismFile.model_validate(bar), count=2, solid=True)
     assert found.axes["mode"] == ("1 in the plane", "2 out of the plane")
     E = 72000
     G = 72000 / 2.66
@@ -207,7 +207,7 @@ def test_a_summary_has_the_key_numbers_of_a_guide_and_of_an_amplifier():
         "hinge": hinges,
         "output": {"body": "stage", "at_mm": [0, 46]},
     }
-    found = flexfem.summary(Mechanism.model_validate(content), models="analytic", plane=True)
+    found = flexfem.summary(MechanismFile.model_validate(content), models="analytic", plane=True)
     stiffness = 2 * 72e3 * 10 * 0.4**3 / 40**3
     mass = 2.81e-9 * 10 * (40 * 12 + 2 * 40 * 0.4 * 13 / 35)
     assert found.at("free", direction="x")[0] == pytest.approx(stiffness, rel=2e-3)
@@ -217,7 +217,7 @@ def test_a_summary_has_the_key_numbers_of_a_guide_and_of_an_amplifier():
     assert not {"amplification", "held_low", "free_low"} & found.values.keys()
     for x, expected in ((0.9 * 500 / bending, 0), (1.1 * 500 / bending, 1)):  # mm, others held
         loaded = flexfem.stiffness(
-            Mechanism.model_validate(content), displacement=(x, 0, 0), models="analytic"
+            MechanismFile.model_validate(content), displacement=(x, 0, 0), models="analytic"
         )
         assert sum("beyond the yield strength" in text for text in loaded.warnings) == expected
     lever = flexfem.summary(flexfem.load("geometry/lever-amplifier.toml"), models="analytic")
@@ -252,7 +252,7 @@ def test_a_bar_sags_in_its_plane_and_out_of_it_as_a_timoshenko_cantilever():
         "density": 2700.0,
         "yield_strength": 300.0,
     }
-    bar = Mechanism(
+    bar = MechanismFile(
         name="bar",
         thickness=2.0,
         material=material,
@@ -289,7 +289,7 @@ def test_check_names_the_shape_that_the_file_states():
     otherwise.
     """
     hinges = [{**GUIDE["hinge"][0], "shape": "filleted"}, GUIDE["hinge"][1]]
-    found = flexfem.check(Mechanism.model_validate({**GUIDE, "hinge": hinges}))
+    found = flexfem.check(MechanismFile.model_validate({**GUIDE, "hinge": hinges}))
     assert [hinge.shape for hinge in found.hinges] == ["filleted", "leaf"]
 
 
@@ -310,14 +310,14 @@ def test_check_names_clamped_edges_by_the_numbers_of_the_file_also_of_copies():
     hinge = GUIDE["hinge"][0] | {"between": ["foot", "stage"]}
     copied = [{"parts": ["foot", "a"], "mirror_mm": [[0, 23], [1, 23]]}]
     content = GUIDE | {"body": bodies[::2], "hinge": [hinge], "copy": copied}
-    held = [body.held for body in flexfem.check(Mechanism.model_validate(content)).bodies]
+    held = [body.held for body in flexfem.check(MechanismFile.model_validate(content)).bodies]
     assert held == ["clamped at edge 4", "", "clamped at edge 4"]
     two = {
         "body": bodies[1:],
         "hinge": [{**GUIDE["hinge"][0], "at_mm": [0, 33], "between": ["stage", "head"]}],
     }
     two["hinge"][0] |= {"length_mm": 8}
-    held = [body.held for body in flexfem.check(Mechanism.model_validate(GUIDE | two)).bodies]
+    held = [body.held for body in flexfem.check(MechanismFile.model_validate(GUIDE | two)).bodies]
     assert held == ["clamped at edges 1, 2", ""]
 
 
@@ -327,14 +327,14 @@ def test_check_names_clamped_edges_by_the_numbers_of_the_file_also_of_copies():
 def test_a_largest_strain_or_stress_at_sharp_roots_is_printed_with_the_warning_that_it_is_singular(
     kind, name, shape
 ):
-    sharp = Mechanism.model_validate(
+    sharp = MechanismFile.model_validate(
         GUIDE | {"hinge": [one | {"fillet_mm": 0} for one in GUIDE["hinge"]]}
     )
     values = {name: np.ones(shape)}
     for plate, mesh, warned in (
         (sharp, Mesh(4, 0), 1),
         (sharp, None, 0),
-        (Mechanism.model_validate(GUIDE), Mesh(4, 0), 0),
+        (MechanismFile.model_validate(GUIDE), Mesh(4, 0), 0),
     ):
         found = answer(kind, plate, {}, mesh, {}, values, {"model": ["any"]})
         assert (
@@ -345,7 +345,7 @@ def test_a_largest_strain_or_stress_at_sharp_roots_is_printed_with_the_warning_t
 
 @pytest.mark.slow
 def test_plane_is_plane_stress_but_not_where_the_file_says_plane_strain():
-    guide = Mechanism.model_validate(GUIDE)
+    guide = MechanismFile.model_validate(GUIDE)
     strain = guide.replace(model="plane_strain")
     options = {"models": "elements", "resolution": 4}
     sheet, held = (flexfem.stiffness(one, plane=True, **options) for one in (guide, strain))
@@ -368,7 +368,7 @@ def test_the_drift_of_a_thick_mechanism_has_a_band_for_its_thickness():
         "material": GUIDE["material"] | {"expansion_um_per_m_k": 23},
         "frame": {"expansion_um_per_m_k": 11},
     }
-    guide = Mechanism.model_validate(GUIDE | expansions)
+    guide = MechanismFile.model_validate(GUIDE | expansions)
     thick, sheet = (
         flexfem.drift(guide, models="elements", resolution=4, plane=plane)
         for plane in (False, True)

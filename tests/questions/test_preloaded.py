@@ -13,17 +13,17 @@ import pytest
 from scipy.linalg import block_diag
 
 import flexfem
-from flexfem.analytic.large import loaded, serial
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.fem.factor import Factoriser
-from flexfem.fem.fields import push_forces
 from flexfem.fem.nonlinear import LargeStructure
-from flexfem.fem.stage_mesh import plate_of
 from flexfem.fem.structure import structure
-from flexfem.mechanism.contacts import FOLLOWS
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.frames import chain_rotation
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.contacts import FOLLOWS
+from flexfem.paper.drives import drive_of
+from flexfem.paper.equilibrium import loaded, serial
+from flexfem.paper.fields import push_forces
+from flexfem.paper.frames import chain_rotation
+from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
+from flexfem.paper.stage import load_stage
+from flexfem.paper.stage_mesh import plate_of
 from flexfem.questions.drive import commanding, driven_elements
 from flexfem.questions.driven import Driven
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.questions.fixture import (
+from flexfem.paper.fixture import (
     Bar,
     Fixture,
     ForceSensor,

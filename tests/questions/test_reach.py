@@ -14,10 +14,10 @@ from matplotlib.collections import LineCollection
 from scipy.optimize import linprog
 
 import flexfem
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
-from flexfem.mechanism.designs import lower
-from flexfem.mechanism.drives import ActuatorSet, drive_of
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.designs import lower
+from flexfem.paper.drives import ActuatorSet, drive_of
+from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
+from flexfem.paper.stage import Stage, load_stage
 from flexfem.plot.drive import reach_figure
 from flexfem.questions.drive import Commanding, commanding, driven_elements
 from flexfem.questions.driven import (

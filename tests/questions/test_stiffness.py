@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.fem.fields import neck_stresses
+from flexfem.paper.fields import neck_stresses
 from flexfem.questions.bands import solve_solid
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 

@@ -18,7 +18,7 @@ from flexfem.design.model import Model
 from flexfem.design.requirements import load_requirements
 from flexfem.fem.elements import Plate
 from flexfem.fem.ports import hinge_stress, plate_modes, plate_of_layout
-from flexfem.fem.stage_mesh import layers_of
+from flexfem.paper.stage_mesh import layers_of
 from flexfem.plot.plate import plot_plate
 from flexfem.questions import plates
 from flexfem.questions.check import check

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.model import analyse
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import load_stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.setup import solved as solve_stage
 

@@ -14,9 +14,9 @@ from flexfem.design.requirements import load_requirements
 from flexfem.files.toml import validate
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.materials import read_materials
-from flexfem.mechanism.mechanism import load_mechanism
-from flexfem.questions.case import LoadedCase
-from flexfem.questions.fixture import Fixture, Measurement
+from flexfem.mechanism.mechanism_file import load_mechanism
+from flexfem.paper.case import LoadedCase
+from flexfem.paper.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.schemas import FORMATS
 from flexfem.study.loaded import load_study

@@ -71,8 +71,7 @@ def test_the_page_of_commands_has_every_command_with_its_options(tmp_path):
     generator().write(tmp_path)
     text = (tmp_path / "commands.md").read_text()
     assert (
-        "```text\nflexfem check STAGE [OPTIONS]\n```" in text
-        and "### `flexfem study clean`" in text
+        "```text\nflexfem check FILE [OPTIONS]\n```" in text and "### `flexfem study clean`" in text
     )
     assert "| `--shard` |" in text and "| `--solid` |" in text
     assert len(list(tmp_path.glob("*.schema.json"))) == len(FORMATS)

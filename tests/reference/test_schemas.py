@@ -19,7 +19,7 @@ from pydantic import ValidationError
 
 from flexfem.files.quantities import UNIT
 from flexfem.files.writing import toml_text
-from flexfem.mechanism.stage import load_stage
+from flexfem.paper.stage import load_stage
 from flexfem.refused import BadInput
 from flexfem.schemas import FILE, FORMATS, example_of, results, schema, schema_of, tables_of
 from flexfem.units import UNITS

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, inverse_kinematics, stiffness
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.bodies import draw_sector
-from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_closed_form, check_feasible
 from flexfem.mechanism.outlines import polygon_points
-from flexfem.mechanism.stage_file import Plane
+from flexfem.paper.bodies import draw_sector
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.equations import FREEDOMS_BY_MOBILITY, inverse_kinematics, stiffness
+from flexfem.paper.model import analyse, assemble
+from flexfem.paper.stage_file import Plane
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.loaded import sample, stage_of

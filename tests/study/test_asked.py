@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.model import analyse
-from flexfem.analytic.responses import dynamics
 from flexfem.files.writing import toml_text
+from flexfem.paper.model import analyse
+from flexfem.paper.responses import dynamics
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.mechanism.keys import keys
-from flexfem.mechanism.stage import HINGE_NAMES, load_stage
+from flexfem.paper.stage import HINGE_NAMES, load_stage
 from flexfem.refused import BadInput
 from flexfem.study.loaded import designs_of, sample, stage_of
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from flexfem.analytic.model import ModelChoice
 from flexfem.arrays import Array
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.drives import drive_of
+from flexfem.paper.model import ModelChoice
+from flexfem.paper.stage import Stage
 from flexfem.questions.drive import commanding, driven_elements
 from flexfem.questions.reach import pose_set
 from flexfem.refused import BadInput

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel
 
-from flexfem.mechanism.stage import Hinge
-from flexfem.mechanism.stage_file import OF_ACTUATORS, Override
+from flexfem.paper.stage import Hinge
+from flexfem.paper.stage_file import OF_ACTUATORS, Override
 from flexfem.study.loaded import LoadedStudy, load_study, plate_of
 from flexfem.study.plan import Frequencies, LifeTable
 

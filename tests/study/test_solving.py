@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import flexfem.fem.stage_mesh
-from flexfem.analytic.model import analyse
+import flexfem.paper.stage_mesh
 from flexfem.arrays import Array
-from flexfem.fem.fields import base_rotations, neck_maxima, neck_stresses, plane_stress
 from flexfem.fem.mesher import MeshTimeout, mesh_faces
 from flexfem.fem.response import unit_response
-from flexfem.fem.stage_mesh import mesh_sectors, plate_of
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.fields import base_rotations, neck_maxima, neck_stresses, plane_stress
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import mesh_sectors, plate_of
 from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band, solve_solid
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
@@ -136,7 +136,7 @@ def test_a_coarse_mesh_that_folds_widens_the_band_and_loses_no_design(
             raise ComputationFailed("folded")
         return mesh_sectors(of, resolution, *others)
 
-    monkeypatch.setattr("flexfem.fem.stage_mesh.mesh_sectors", folding)
+    monkeypatch.setattr("flexfem.paper.stage_mesh.mesh_sectors", folding)
     without = columns(loaded, stage)
     assert [without[name] for name in ERRORS] == [whole[name] for name in ERRORS]
     assert all(0 < without[name] < 1 for name in BANDS)  # percentage points
@@ -157,7 +157,7 @@ def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch)
         return mesh_faces(job)
 
     monkeypatch.setattr(
-        flexfem.fem.stage_mesh, "run_jobs", lambda jobs, limit: [meshed_once(job) for job in jobs]
+        flexfem.paper.stage_mesh, "run_jobs", lambda jobs, limit: [meshed_once(job) for job in jobs]
     )
     rows = answer(loaded, 0, 4)
     assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]

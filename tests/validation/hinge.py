@@ -22,10 +22,10 @@ from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.mesher import Grading
 from flexfem.fem.response import platform_response
-from flexfem.fem.stage_mesh import grading, notch_sizes
 from flexfem.fem.structure import structure
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.outlines import Face, Segment
+from flexfem.paper.stage_mesh import grading, notch_sizes
 
 from ..tolerances import SOLVED
 from .fields import meshed

@@ -15,6 +15,7 @@ import numpy as np
 
 import flexfem
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.questions.stiffness import Stiffness
 from flexfem.results import Result
 
@@ -34,7 +35,7 @@ OWN = "an independent mesh of second-order triangles in plane stress"
 def mechanism(name: str, plane: bool = False) -> Mechanism:
     """The mechanism of a file, in plane stress if `plane`."""
     loaded = flexfem.load(FILES / f"{name}.toml")
-    assert isinstance(loaded, Mechanism)
+    assert isinstance(loaded, MechanismFile)
     return loaded.replace(model="plane_stress") if plane else loaded
 
 

@@ -13,14 +13,14 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, nodal_stress, von_mises
-from flexfem.fem.fields import neck_maxima
 from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.modes import modes, stage_modes, vibrating_structure
 from flexfem.fem.response import platform_response, unit_response
-from flexfem.fem.stage_mesh import build_mesh, layers_of, mesh_sectors, plate_of, sheet_of
 from flexfem.fem.structure import mass_of, structure
-from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
-from flexfem.mechanism.stage import Stage, load_stage
+from flexfem.paper.bodies import Payload, carried, carried_out_of_plane
+from flexfem.paper.fields import neck_maxima
+from flexfem.paper.stage import Stage, load_stage
+from flexfem.paper.stage_mesh import build_mesh, layers_of, mesh_sectors, plate_of, sheet_of
 from flexfem.units import DENSITY, UNITS
 
 from ..conftest import UNLIKE, with_changes

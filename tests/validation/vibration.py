@@ -16,7 +16,7 @@ from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.mesh import Sector, StageMesh, by_radius, mapped, nodes_on
 from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
 from flexfem.fem.structure import mass_of, structure
-from flexfem.mechanism.frames import CHAIN_TURN
+from flexfem.paper.frames import CHAIN_TURN
 
 from .problem import Finding, cantilever, extrapolated, problem, rectangle
 

@@ -13,7 +13,6 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
@@ -23,7 +22,8 @@ from flexfem.files.refusals import refusal, shown
 from flexfem.files.tables import Keywords, Label, Table
 from flexfem.files.toml import bad_key, validate
 from flexfem.hinges.formulas import formula, formulas
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.paper.model import DEFAULT_FORMULA
+from flexfem.paper.stage import Stage, load_feasible
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, Direction
 

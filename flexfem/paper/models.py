@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem import arguments
-from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, ModelChoice, choose
-from flexfem.analytic.model import analyse as analyse_stage
-from flexfem.analytic.paper import apply
 from flexfem.arguments import forces, poses
 from flexfem.arrays import Array, inverse
-from flexfem.fem.fields import neck_stresses, plane_stress
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
 from flexfem.mechanism.feasibility import check_closed_form, check_feasible
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.equations import apply
+from flexfem.paper.fields import neck_stresses, plane_stress
+from flexfem.paper.model import DEFAULT_FORMULA, AnalyticResult, ModelChoice, choose
+from flexfem.paper.model import analyse as analyse_stage
+from flexfem.paper.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, error_bands, levels
 from flexfem.questions.setup import solved

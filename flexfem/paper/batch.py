@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import at_rest
-from flexfem.analytic.paper import Freedoms
-from flexfem.analytic.responses import DriftRates, in_plane, rates_of
 from flexfem.arrays import Array
-from flexfem.fem import fields
 from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.fem.modes import modes
 from flexfem.fem.response import Response, heat_response, unit_response
-from flexfem.fem.stage_mesh import layers_of, mesh_sectors, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
-from flexfem.mechanism.bodies import Payload
-from flexfem.mechanism.designs import Designs, envelope, lower
-from flexfem.mechanism.stage import Stage
+from flexfem.paper import fields
+from flexfem.paper.bodies import Payload
+from flexfem.paper.designs import Designs, envelope, lower
+from flexfem.paper.equations import Freedoms
+from flexfem.paper.model import at_rest
+from flexfem.paper.responses import DriftRates, in_plane, rates_of
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import layers_of, mesh_sectors, plate_of, sheet_of
 from flexfem.questions.bands import error_matrix, levels, mesh_band
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.driven import DriveRanges

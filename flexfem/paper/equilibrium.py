@@ -14,16 +14,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.analytic.elastic_bodies import platform_compliance
-from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.network import freedom_motions
-from flexfem.analytic.paper import KINDS, PaperModel, apply, first_order, resting, stiffness
-from flexfem.analytic.responses import distal_share, link_pieces
 from flexfem.arrays import AnyArray, Array, Index, inverse
-from flexfem.mechanism.contacts import Follows, Push, Stack
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.frames import Frames, chain_rotation
-from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.paper.contacts import Follows, Push, Stack
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.equations import KINDS, PaperModel, apply, first_order, resting, stiffness
+from flexfem.paper.frames import Frames, chain_rotation
+from flexfem.paper.links import platform_compliance
+from flexfem.paper.model import AnalyticResult
+from flexfem.paper.responses import distal_share, link_pieces
+from flexfem.paper.stage import CHAINS, Stage
 from flexfem.refused import ComputationFailed
 
 # last Newton step relative to the root of the energy; its error is of second order, below rounding

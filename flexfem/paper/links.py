@@ -16,13 +16,13 @@ from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.tables import once
 from flexfem.hinges.chart import SHEAR_CORRECTION
-from flexfem.mechanism.bodies import body_sides, centrelines, cut_angle, necks, notch_side
-from flexfem.mechanism.contacts import bend_stresses
-from flexfem.mechanism.designs import Elastic
-from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation
 from flexfem.mechanism.outlines import Pose, Segment, polyline, reverse
-from flexfem.mechanism.stage import CHAINS, Hinge, Stage
-from flexfem.mechanism.stage_file import Platform
+from flexfem.paper.bodies import body_sides, centrelines, cut_angle, necks, notch_side
+from flexfem.paper.contacts import bend_stresses
+from flexfem.paper.designs import Elastic
+from flexfem.paper.frames import CHAIN_TURN, chain_rotation
+from flexfem.paper.stage import CHAINS, Hinge, Stage
+from flexfem.paper.stage_file import Platform
 
 NODES = np.sqrt(0.6) * np.array(
     [-1.0, 0.0, 1.0]

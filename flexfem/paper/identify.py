@@ -14,16 +14,16 @@ from scipy.optimize import brentq, least_squares
 from scipy.stats import chi2
 
 from flexfem import arguments
-from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.model import CALIBRATED, analyse, best_model, stiffness_with_necks
-from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array, inverse
 from flexfem.files.refusals import place_of
 from flexfem.hinges.formulas import formula as known
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.equations import freedoms_of
+from flexfem.paper.fixture import IDEAL, Fixture, Measurement, measured_of, pushes_of
+from flexfem.paper.links import body_compliance
+from flexfem.paper.model import CALIBRATED, analyse, best_model, stiffness_with_necks
+from flexfem.paper.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.fixture import IDEAL, Fixture, Measurement, measured_of, pushes_of
 from flexfem.questions.setup import about, question
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import Gate, Quantity, Result

@@ -30,14 +30,14 @@ from flexfem.fem.mesh import (
 )
 from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_jobs
 from flexfem.mechanism.actuators import HINGE_NAMES
-from flexfem.mechanism.bodies import draw_sector, necks
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.layout import Move
+from flexfem.mechanism.mechanism import Mechanism, located
 from flexfem.mechanism.outlines import Face, area
-from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import Hinge
+from flexfem.paper.bodies import draw_sector, necks
+from flexfem.paper.frames import CHAIN_TURN, turned
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_file import Hinge
 from flexfem.refused import BadInput, ComputationFailed
 
 TIME_LIMIT = 60.0  # s, for meshing one sector
@@ -225,7 +225,7 @@ def sheet_of(stage: Stage) -> Plate:
     return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
 
 
-def layers_of(plate: PlateFile, number: int, antisymmetric: bool = False) -> Layers:
+def layers_of(plate: Mechanism, number: int, antisymmetric: bool = False) -> Layers:
     """Return layers graded for the narrowest neck, for motion in the plane or, antisymmetric, out
     of it.
     """

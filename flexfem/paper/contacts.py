@@ -18,10 +18,10 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.actuators import BODY_NAMES, Body
-from flexfem.mechanism.bodies import centrelines
-from flexfem.mechanism.frames import chain_rotation
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, StageContent
+from flexfem.paper.bodies import centrelines
+from flexfem.paper.frames import chain_rotation
+from flexfem.paper.stage_file import CHAINS, HINGE_NAMES, StageContent
 
 # half length of a station per link width, assumed: same deviation as a uniform load over one width
 SPREAD = 0.75

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import Array, Index, inverse
 from flexfem.hinges.chart import Compliance
-from flexfem.mechanism.frames import Frames, direction
+from flexfem.paper.frames import Frames, direction
 from flexfem.refused import BadInput
 
 CHAINS = 3

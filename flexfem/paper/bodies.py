@@ -21,8 +21,6 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.tables import once
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import (
     Face,
@@ -36,7 +34,9 @@ from flexfem.mechanism.outlines import (
     shortest_path,
 )
 from flexfem.mechanism.profiles import Circular
-from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Hinge, StageContent, key_of
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.frames import CHAIN_TURN, turned
+from flexfem.paper.stage_file import CHAINS, HINGE_NAMES, Hinge, StageContent, key_of
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 

@@ -40,7 +40,7 @@ from flexfem.files.quantities import (
 from flexfem.files.refusals import checked_path, place_of, refusal
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import KINDS, read_toml, validate
-from flexfem.mechanism.frames import direction
+from flexfem.paper.frames import direction
 from flexfem.refused import BadInput
 
 SHEAR = 10 / 9  # shear coefficient of a round section, by the energy of the parabolic shear stress

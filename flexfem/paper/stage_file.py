@@ -20,7 +20,7 @@ from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.actuators import Actuator, RatedActuator
 from flexfem.mechanism.actuators import HingeName as HingeName
 from flexfem.mechanism.materials import Material
-from flexfem.mechanism.plate_file import PlateFile, merged_tables
+from flexfem.mechanism.mechanism import Mechanism, merged_tables
 from flexfem.refused import BadInput
 
 Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
@@ -218,7 +218,7 @@ else:
     )
 
 
-class StageContent(PlateFile):
+class StageContent(Mechanism):
     """The content of a stage file, from which `Stage` derives further properties."""
 
     kind: ClassVar[str] = "stage file"

@@ -23,20 +23,20 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from flexfem.analytic import network
-from flexfem.analytic.elastic_bodies import bar_density, body_compliance
-from flexfem.analytic.model import JOINTS, LINK_BODIES, AnalyticResult, at_necks, network_of
 from flexfem.analytic.network import Dynamics
-from flexfem.analytic.paper import Freedoms
 from flexfem.arrays import Array
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import neck_stress, stress_raised
-from flexfem.mechanism import bodies as drawn
-from flexfem.mechanism.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
-from flexfem.mechanism.designs import Designs, lower, stage_frames
-from flexfem.mechanism.drives import drive_of
-from flexfem.mechanism.frames import Frames, chain_rotation, direction
-from flexfem.mechanism.plate_file import PlateFile
-from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.paper import bodies as drawn
+from flexfem.paper.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
+from flexfem.paper.designs import Designs, lower, stage_frames
+from flexfem.paper.drives import drive_of
+from flexfem.paper.equations import Freedoms
+from flexfem.paper.frames import Frames, chain_rotation, direction
+from flexfem.paper.links import bar_density, body_compliance
+from flexfem.paper.model import JOINTS, LINK_BODIES, AnalyticResult, at_necks, network_of
+from flexfem.paper.stage import CHAINS, Stage
 from flexfem.refused import BadInput
 
 MOVING = 7  # bodies: the platform and two links of every chain
@@ -311,7 +311,7 @@ class DriftRates(NamedTuple):
     gradient: Array
 
 
-def require_expansion(stage: PlateFile, frame: bool = False) -> None:
+def require_expansion(stage: Mechanism, frame: bool = False) -> None:
     """Raise BadInput for a stage or mechanism without an expansion or, if `frame`, for a frame
     without one.
     """

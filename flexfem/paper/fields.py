@@ -14,15 +14,15 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate, integration, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.response import Response, clamped_nodes, factorised_whole, resultants_of
-from flexfem.fem.stage_mesh import plate_of
 from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.fem.symmetry import chain_values
 from flexfem.mechanism.actuators import HINGE_NAMES
-from flexfem.mechanism.bodies import BODIES
-from flexfem.mechanism.contacts import Push, Stack, body_forces
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation, turned
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.bodies import BODIES
+from flexfem.paper.contacts import Push, Stack, body_forces
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.frames import CHAIN_TURN, chain_rotation, turned
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import plate_of
 
 RIGID = (
     1.0,

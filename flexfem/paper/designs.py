@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from flexfem.arrays import Array, Index
 from flexfem.files.tables import once
 from flexfem.mechanism.actuators import ActuatorNumbers
-from flexfem.mechanism.frames import Frames, direction, frames
-from flexfem.mechanism.stage_file import CHAINS, Plane, StageContent, actuators_of, hinges_of
+from flexfem.paper.frames import Frames, direction, frames
+from flexfem.paper.stage_file import CHAINS, Plane, StageContent, actuators_of, hinges_of
 
 SHARED = ("plane", "prismatic")  # fields without a leading axis of designs
 

@@ -12,18 +12,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import AnalyticResult
-from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
-from flexfem.fem.fields import driven_response
 from flexfem.fem.response import Response
-from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.files.tables import once
-from flexfem.mechanism.contacts import hinge_couples
-from flexfem.mechanism.drives import ActuatorSet, drive_of
-from flexfem.mechanism.stage import Stage
+from flexfem.paper.case import Case, Drive
+from flexfem.paper.contacts import hinge_couples
+from flexfem.paper.drives import ActuatorSet, drive_of
+from flexfem.paper.fields import driven_response
+from flexfem.paper.model import AnalyticResult
+from flexfem.paper.responses import driven_model
+from flexfem.paper.stage import Stage
+from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels
-from flexfem.questions.case import Case, Drive
 from flexfem.questions.driven import Driven
 from flexfem.units import DIRECTIONS
 

@@ -14,14 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
-from flexfem.analytic.large import at_pose, outwards
-from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array, is_largest
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.stage_mesh import plate_of, sheet_of
 from flexfem.files.provenance import assumptions
 from flexfem.files.refusals import checked_path, shown
 from flexfem.files.toml import bad_key, kind_of, read_toml
@@ -34,14 +30,19 @@ from flexfem.files.writing import (
     write_atomically,
 )
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.mechanism import Mechanism, load_mechanism
-from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile, load_mechanism
+from flexfem.paper.case import Case, Curve, LoadedCase
+from flexfem.paper.designs import stage_frames
+from flexfem.paper.equilibrium import at_pose, outwards
+from flexfem.paper.fields import neck_maxima, plane_stress
+from flexfem.paper.imposed import commanded_hinges, elements, imposed, imposed_bands
+from flexfem.paper.model import AnalyticResult, analyse, assemble
+from flexfem.paper.stage import HINGE_NAMES, Stage, load_feasible
+from flexfem.paper.stage_mesh import plate_of, sheet_of
 from flexfem.questions import bands, plates, warnings
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
-from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
-from flexfem.questions.imposed import commanded_hinges, elements, imposed, imposed_bands
 from flexfem.questions.setup import ModelAnswer, elements_through, question, solved, stack_models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
@@ -329,7 +330,7 @@ def verification(
     loaded = list[LoadedCase | Mechanism]()
     for path in map(checked_path, cases):  # read all cases before the first computation
         loaded.append(_loaded(path, reading, load))
-        if solid and not isinstance(loaded[-1], Mechanism):
+        if solid and not isinstance(loaded[-1], MechanismFile):
             raise BadInput(
                 f'{path}: solid is for mechanisms, expected model = "three_dimensional" in a case'
             )
@@ -343,7 +344,7 @@ def verification(
     results = list[Result]()
     for path, case in zip(seen.values(), loaded, strict=True):
         results.append(
-            plates.verification(case, layers) if isinstance(case, Mechanism) else run_case(case)
+            plates.verification(case, layers) if isinstance(case, MechanismFile) else run_case(case)
         )
         if folder is not None:
             results[-1].write(folder / f"{path.stem}.json")
@@ -356,7 +357,7 @@ def _loaded(path: Path, reading: Reading, load: Callable[[Path], Stage]) -> Load
     """Read a case, a mechanism or a drawing. Raises BadInput."""
     if is_drawing(path):
         return imported(path, reading).mechanism
-    is_mechanism = kind_of(read_toml(path).data) == Mechanism.kind
+    is_mechanism = kind_of(read_toml(path).data) == MechanismFile.kind
     return load_mechanism(path) if is_mechanism else LoadedCase(path, load)
 
 

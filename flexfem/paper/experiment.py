@@ -11,12 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
 from flexfem.arrays import Array, inverse
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage
-from flexfem.questions import warnings as warning
-from flexfem.questions.fixture import (
+from flexfem.paper.fixture import (
     Fixture,
     ForceSensor,
     Lvdt,
@@ -26,6 +23,9 @@ from flexfem.questions.fixture import (
     measured_of,
     pushes_of,
 )
+from flexfem.paper.model import DEFAULT_FORMULA, analyse, best_model
+from flexfem.paper.stage import Stage
+from flexfem.questions import warnings as warning
 from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, question, solved
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result

@@ -21,14 +21,14 @@ from flexfem.mechanism.actuators import (
     ActuatorNumbers,
     series_stiffness,
 )
-from flexfem.mechanism.bodies import FILLET, centrelines, draw_sector
-from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack, wrench_of
-from flexfem.mechanism.designs import Designs, lower
-from flexfem.mechanism.frames import CHAIN_TURN
 from flexfem.mechanism.layout import ActuatorSet as ActuatorSet
+from flexfem.mechanism.mechanism import located
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.plate_file import located
-from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator
+from flexfem.paper.bodies import FILLET, centrelines, draw_sector
+from flexfem.paper.contacts import Push, Stack, nearest, placed_stack, wrench_of
+from flexfem.paper.designs import Designs, lower
+from flexfem.paper.frames import CHAIN_TURN
+from flexfem.paper.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator
 from flexfem.refused import BadInput
 
 # distance of a contact from the outline of its body, per link width: coordinates are rounded

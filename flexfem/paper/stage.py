@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 from flexfem.arrays import AnyArray
@@ -10,16 +12,18 @@ from flexfem.files.refusals import key_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.actuators import Actuator
-from flexfem.mechanism.bodies import stage_layout
-from flexfem.mechanism.designs import Elastic, lower
-from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
-from flexfem.mechanism.plate_file import located, read_plate
-from flexfem.mechanism.stage_file import CHAINS as CHAINS
-from flexfem.mechanism.stage_file import HINGE_NAMES as HINGE_NAMES
-from flexfem.mechanism.stage_file import Hinge as Hinge
-from flexfem.mechanism.stage_file import StageContent, actuators_of, hinges_of, of_drive, of_heat
+from flexfem.mechanism.mechanism import located, read_plate
+from flexfem.paper.bodies import stage_layout
+from flexfem.paper.designs import Elastic, lower
+from flexfem.paper.drives import drive_of
+from flexfem.paper.stage_file import CHAINS as CHAINS
+from flexfem.paper.stage_file import HINGE_NAMES as HINGE_NAMES
+from flexfem.paper.stage_file import Hinge as Hinge
+from flexfem.paper.stage_file import StageContent, actuators_of, hinges_of, of_drive, of_heat
+
+ANSWERS: dict[str, str] = {}  # module in `flexfem.paper` by question
 
 
 class Stage(StageContent):
@@ -66,6 +70,19 @@ class Stage(StageContent):
         if changed.actuator and ("actuator" in changes or changed.override != self.override):
             drive_of(changed)  # refuses a contact off its body
         return changed
+
+    @property
+    def lever(self) -> float:
+        """Lever, mm: the distance l3 from the platform hinges to the centre of the platform."""
+        return self.chain.link_lengths[2]
+
+    def answering(self, question: str) -> Callable[..., Any] | None:
+        """Return the function of the paper's room that answers a question, if there is one."""
+        module = ANSWERS.get(question)
+        if module is None:
+            return None
+        answer: Callable[..., Any] = getattr(import_module(f"flexfem.paper.{module}"), question)
+        return answer
 
     def array(self, attr: str) -> AnyArray:
         """Return radius, neck (mm) or prismatic (bool) of all hinges, (3 chains, 3 hinges),

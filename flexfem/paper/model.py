@@ -8,9 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.analytic import network
-from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.network import GROUND, Network
-from flexfem.analytic.paper import (
+from flexfem.arrays import Array, brief, inverse
+from flexfem.files.tables import once
+from flexfem.hinges import chart, formulas
+from flexfem.hinges.chart import Compliance
+from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
+from flexfem.mechanism.feasibility import Broken, check_closed_form
+from flexfem.mechanism.mechanism import located
+from flexfem.mechanism.profiles import Concentration
+from flexfem.paper.designs import Designs, lower, stage_frames
+from flexfem.paper.equations import (
     KINDS,
     Freedoms,
     PaperModel,
@@ -19,23 +27,15 @@ from flexfem.analytic.paper import (
     rank_revealing,
     stiffness,
 )
-from flexfem.analytic.paper import mobility as mobility_of
-from flexfem.arrays import Array, brief, inverse
-from flexfem.files.tables import once
-from flexfem.hinges import chart, formulas
-from flexfem.hinges.chart import Compliance
-from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
-from flexfem.mechanism.designs import Designs, lower, stage_frames
-from flexfem.mechanism.feasibility import Broken, check_closed_form
-from flexfem.mechanism.frames import Frames
-from flexfem.mechanism.plate_file import located
-from flexfem.mechanism.profiles import Concentration
-from flexfem.mechanism.stage_file import HINGE_NAMES, Plane, key_of
+from flexfem.paper.equations import mobility as mobility_of
+from flexfem.paper.frames import Frames
+from flexfem.paper.links import body_compliance
+from flexfem.paper.stage_file import HINGE_NAMES, Plane, key_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.units import PLANES
 
 if TYPE_CHECKING:
-    from flexfem.mechanism.stage import Stage
+    from flexfem.paper.stage import Stage
 
 DEFAULT_FORMULA = "paros-weisbord"
 CALIBRATED = "calibrated"
