@@ -304,6 +304,7 @@ class Result:
     """
 
     title: ClassVar[str] = ""
+    kind_name: ClassVar[str]  # in documents; by default the class name in snake case
     labels: ClassVar[Mapping[str, Sequence[str]]] = {}
     columns: ClassVar[tuple[str, ...]] = ("direction",)
     main: ClassVar[tuple[str, Mapping[str, str]] | None] = (
@@ -375,7 +376,9 @@ class Result:
 
     @classmethod
     def kind(cls) -> str:
-        """Return the name of the kind of result: the class name in snake case."""
+        """Return the name of the kind of result: `kind_name`, or the class name in snake case."""
+        if "kind_name" in vars(cls):
+            return cls.kind_name
         return "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
 
     # access
