@@ -17,9 +17,8 @@ from flexfem.files.quantities import OF_THE_KEY, AnyNumber, AnyPositive, Limits,
 from flexfem.files.refusals import KeyPath, refusal, shown
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import PathLike, bad_key, validate
+from flexfem.hinges.choice import CALIBRATED, DEFAULT_FORMULA, FORMULA, FormulaName, Mobility
 from flexfem.mechanism.keys import keys
-from flexfem.paper.case import FORMULA, FormulaName, Mobility
-from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, NAMED, Factor

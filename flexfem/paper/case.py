@@ -8,10 +8,10 @@ import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.arrays import Array
@@ -19,10 +19,16 @@ from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import CommandMrad, CommandUm
 from flexfem.files.refusals import refusal, shown
-from flexfem.files.tables import Keywords, Label, Table
+from flexfem.files.tables import Label, Table
 from flexfem.files.toml import bad_key, validate
-from flexfem.hinges.formulas import formula, formulas
-from flexfem.paper.model import DEFAULT_FORMULA
+from flexfem.hinges.choice import (
+    DEFAULT_FORMULA,
+    ELASTIC,
+    FORMULA,
+    OF_MODEL,
+    FormulaName,
+    Mobility,
+)
 from flexfem.paper.stage import Stage, load_feasible
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, Direction
@@ -30,24 +36,6 @@ from flexfem.units import DIRECTIONS, Direction
 Analysis: TypeAlias = Literal["linear", "nonlinear"]
 Drive: TypeAlias = Literal["force", "joints", "strokes"]
 Elements: TypeAlias = Literal["fe", "three_dimensional"]
-
-
-def known_formula(name: str) -> str:
-    """Validate a formula name of a file; a refusal lists the registered names."""
-    try:
-        formula(name)
-    except BadInput as error:
-        raise refusal(str(error).partition("expected ")[2] or str(error)) from None
-    return name
-
-
-Mobility: TypeAlias = Literal[3, 6, 12, 21]
-FormulaName: TypeAlias = Annotated[
-    str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})
-]
-OF_MODEL = "Mobility of the analytic model; by default the stage's own"
-FORMULA = "Hinge formula of the analytic model"
-ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model are also elastic"
 
 
 class Curve(Table):

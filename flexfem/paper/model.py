@@ -13,6 +13,8 @@ from flexfem.arrays import Array, brief, inverse
 from flexfem.files.tables import once
 from flexfem.hinges import chart, formulas
 from flexfem.hinges.chart import Compliance
+from flexfem.hinges.choice import CALIBRATED as CALIBRATED
+from flexfem.hinges.choice import DEFAULT_FORMULA as DEFAULT_FORMULA
 from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
 from flexfem.mechanism.feasibility import Broken, check_closed_form
 from flexfem.mechanism.mechanism import located
@@ -37,8 +39,6 @@ from flexfem.units import PLANES
 if TYPE_CHECKING:
     from flexfem.paper.stage import Stage
 
-DEFAULT_FORMULA = "paros-weisbord"
-CALIBRATED = "calibrated"
 OFF_CHART = "t/R off the hinge chart"
 OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
 NOT_POSITIVE = "no positive compliance by its formula"

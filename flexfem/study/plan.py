@@ -16,9 +16,15 @@ from flexfem.files.expressions import names_in
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
 from flexfem.files.tables import KEPT, Label, Table
+from flexfem.hinges.choice import (
+    DEFAULT_FORMULA,
+    ELASTIC,
+    FORMULA,
+    OF_MODEL,
+    FormulaName,
+    Mobility,
+)
 from flexfem.mechanism.keys import LIFE_CONSTANTS, PARAMETERS, key_suggestion, keys
-from flexfem.paper.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
-from flexfem.paper.model import DEFAULT_FORMULA
 from flexfem.questions import warnings as warning
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
 from flexfem.study.factors import WAYS, Column, Factor, columns_of, given_in, require_keys
