@@ -140,6 +140,13 @@ class Mechanism(Sourced):
         """Lever, mm: a rotation times it is comparable with a translation."""
         return self.layout.lever
 
+    def require_feasible(self) -> None:
+        """Raise BadInput for a mechanism that cannot be made; drawing the layout refuses others."""
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a changed mechanism. Raises BadInput."""
+        raise NotImplementedError
+
     def answering(self, question: str) -> Callable[..., Any] | None:
         """Return the function that answers a question in the way of this kind of file, if there is one.
 

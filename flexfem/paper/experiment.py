@@ -150,6 +150,8 @@ def experiment(
 
     Parameters
     ----------
+    stage : Stage
+        The stage.
     fixture : path or Fixture
         File of the set-up, see flexfem schema fixture.
     measured : path, optional
@@ -161,7 +163,21 @@ def experiment(
         The model of the first column of the table; by default that of the paper.
     resolution : int, optional
         Triangles across every neck, from 2.
-    {shared}
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Experiment
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        experiment` lists it.
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The stage is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------

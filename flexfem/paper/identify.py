@@ -233,6 +233,8 @@ def identify(
 
     Parameters
     ----------
+    stage : Stage
+        The stage.
     measured : path, Fixture or Measurement
         File of measured slopes with standard deviations, with the set-up or alone.
     unknown : {"pole", "springs"}, optional
@@ -241,7 +243,19 @@ def identify(
         default the pole if one is described.
     confidence : float
         Confidence level of the intervals, per cent, from 50 to 99.9.
-    {shared}
+
+    Returns
+    -------
+    Identification
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        identification` lists it.
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The stage is singular, or a mesh or a solution does not pass its checks.
 
     Notes
     -----

@@ -76,6 +76,10 @@ class Stage(StageContent):
         """Lever, mm: the distance l3 from the platform hinges to the centre of the platform."""
         return self.chain.link_lengths[2]
 
+    def require_feasible(self) -> None:
+        """Raise BadInput for a stage that cannot be made."""
+        check_feasible(self)
+
     def answering(self, question: str) -> Callable[..., Any] | None:
         """Return the function of the paper's room that answers a question, if there is one."""
         module = ANSWERS.get(question)

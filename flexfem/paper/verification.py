@@ -319,7 +319,23 @@ def verification(
         states this itself.
     reading : Reading
         Of drawings: thickness, material, ground, output and so on.
-    {shared}
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    list[Result]
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        KIND` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
     """
     layers = elements_through(solid, thickness_resolution)
     folder = None if output is None else checked_path(output)

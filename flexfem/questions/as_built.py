@@ -425,11 +425,33 @@ def as_built(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     necks : path
         CSV file with columns chain, only for a stage, hinge, neck_um and, if known, sd_um; or TOML
         with these in [[neck]]. A stage needs all nine necks; an unlisted hinge of a mechanism has
         the drawn neck.
-    {shared}
+    analytic : Analytic
+        The analytic model. Of a stage file only.
+    solid : bool
+        The whole plate by finite elements in three dimensions.
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    AsBuilt
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        as_built` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
     """
     layers = setup.elements_through(solid, thickness_resolution)
     mesh = None if layers is None else setup.mesh_of(stage, "both", None, layers)

@@ -154,11 +154,30 @@ def budget(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     amplitude : tuple of float
-        Commands in x, y and theta for the share of large displacement: mm, mm, rad.
+        Commands in x, y and theta for the share of large displacement: mm, mm, rad. Of a stage file
+        only.
     plane : bool
         Neglect the effect of three dimensions.
-    {shared}
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Budget
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        budget` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
     """
     steps = levels(arguments.resolution(resolution, 4))
     lever = lever_of(stage)

@@ -73,10 +73,26 @@ def converge(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     resolutions : list of int, optional
         Triangles across every neck: three or more, each at least 1.3 times the previous one; by
         default 3 to 15.
-    {shared}
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    MeshConvergence
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        mesh_convergence` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Notes
     -----

@@ -83,6 +83,8 @@ def forces(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     force : tuple of float, optional
         Load on the output: N, N, N mm.
     force_at : mapping of str to tuple of float, or sequence of str, optional
@@ -90,7 +92,31 @@ def forces(
         repeated.
     section : sequence of str or of four float, optional
         Sections of bodies, each by two points beside the body, mm: X1,Y1,X2,Y2, repeated.
-    {shared}
+    models : {"both", "analytic", "elements"}
+        The models to compute.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    solid : bool
+        The whole plate by finite elements in three dimensions.
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    plane : bool
+        Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Forces
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        forces` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------

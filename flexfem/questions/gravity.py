@@ -84,14 +84,40 @@ def gravity(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     angle : float
         Direction of gravity in the plane of an upright plate, degrees from x.
     payload : float
-        Mass of a payload at the centre of the platform, kg.
+        Mass of a payload at the centre of the platform, kg. Of a stage file only.
     solid : bool
         The whole plate by finite elements in three dimensions. The plate is horizontal; a mechanism
         is also computed with an upright plate.
-    {shared}
+    models : {"both", "analytic", "elements"}
+        The models to compute.
+    analytic : Analytic
+        The analytic model. Of a stage file only.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    plane : bool
+        Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Gravity
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        gravity` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------

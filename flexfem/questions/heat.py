@@ -201,12 +201,36 @@ def drift(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     resolution : int, optional
         Triangles across every neck on the finest of three meshes, from 4, in three dimensions from
         6.
     solid : bool
         The whole plate by finite elements in three dimensions; adds a gradient in z.
-    {shared}
+    models : {"both", "analytic", "elements"}
+        The models to compute.
+    analytic : Analytic
+        The analytic model. Of a stage file only.
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    plane : bool
+        Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Drift
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        drift` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------

@@ -259,6 +259,8 @@ def large(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     amplitude : float or str
         Largest displacement in X and Y, mm; in theta 0.02 rad for every mm. The output of a
         mechanism is driven by it along its softest translation, or turned by an angle with its
@@ -272,7 +274,21 @@ def large(
         "both" adds nonlinear finite elements to the pseudo-rigid stage.
     resolution : int, optional
         Triangles across every neck.
-    {shared}
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Large | MechanismLarge
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        large` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------

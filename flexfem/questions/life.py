@@ -379,6 +379,8 @@ def life(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     amplitude : tuple of float
         Amplitude of the pose of the platform about its mean: mm, mm, rad; the pose is imposed in
         all directions.
@@ -395,8 +397,30 @@ def life(
         Basquin's law instead of that of the material.
     notch_sensitivity : float
         Notch sensitivity q from 0 to 1: fatigue uses the share (1 + q (K - 1)) / K of the stress at
-        a notch of concentration K, yield uses all of it.
-    {shared}
+        a notch of concentration K, yield uses all of it. Of a stage file only.
+    models : {"both", "analytic", "elements"}
+        The models to compute.
+    analytic : Analytic
+        The analytic model. Of a stage file only.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    plane : bool
+        Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Life | MechanismLife
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        life` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------

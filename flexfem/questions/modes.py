@@ -370,6 +370,8 @@ def modes(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     count : int
         Number of modes, from the lowest.
     force : tuple of float, optional
@@ -378,17 +380,39 @@ def modes(
         Static loads at points of a mechanism by their names, N, N, N mm: NAME=FX,FY,M, repeated.
     payload : tuple of float
         Mass, kg, and moment of inertia about the platform's centre, kg mm^2, of a body on the
-        platform.
+        platform. Of a stage file only.
     tilting : float, optional
         Moment of inertia of the payload about x and y, kg mm^2, in three dimensions; by default
-        half of that about z (flat body).
+        half of that about z (flat body). Of a stage file only.
     drives : {"disengaged", "engaged"}
         Engaged stacks stiffen the stage; they hold their strokes, and their mass is neglected.
     damping : float
-        Damping of every mode, % of critical, in the reduced models; assumed.
+        Damping of every mode, % of critical, in the reduced models; assumed. Of a stage file only.
     solid : bool
         The whole plate by finite elements in three dimensions; adds modes out of the plane.
-    {shared}
+    models : {"both", "analytic", "elements"}
+        The models to compute.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    plane : bool
+        Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    NaturalModes
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        natural_modes` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------
@@ -659,11 +683,25 @@ def dynamic_model(
 
     Parameters
     ----------
+    stage : Stage
+        The stage.
     count : int
         Number of modes that are kept; the static part of the others is added.
     payload, drives, damping
         See `modes`.
-    {shared}
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+
+    Returns
+    -------
+    DynamicModel
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The stage is singular, or a mesh or a solution does not pass its checks.
 
     Notes
     -----

@@ -247,15 +247,35 @@ def reach(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     load : tuple of float
-        Load on the platform: N, N, N mm.
+        Load on the platform: N, N, N mm. Of a stage file only.
     models : {"both", "analytic"}
         "both" adds the ranges along the axes by finite elements.
     resolution : int, optional
         Triangles across every neck.
     solid : bool
         The whole plate of a mechanism by finite elements in three dimensions.
-    {shared}
+    analytic : Analytic
+        The analytic model. Of a stage file only.
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    plane : bool
+        Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+
+    Returns
+    -------
+    Reach
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        reach` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------

@@ -5,7 +5,6 @@ results.
 from __future__ import annotations
 
 import inspect
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from itertools import chain
@@ -32,18 +31,16 @@ import numpy as np
 from flexfem import arguments
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION, Sector, StageMesh
-from flexfem.fem.response import Response, unit_response
+from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION, StageMesh
 from flexfem.files.provenance import Sourced, assumptions
-from flexfem.files.tables import once
-from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import has_sharp_corner
 from flexfem.paper.model import ModelChoice, choose
+from flexfem.paper.solutions import sectors_of as sectors_of
+from flexfem.paper.solutions import solved as solved
 from flexfem.paper.stage import Stage
-from flexfem.paper.stage_mesh import mesh_sectors, plate_of
 from flexfem.refused import BadInput, printed
 from flexfem.results import AXES, SOLID, About, Progress, Result
 
@@ -57,118 +54,134 @@ OfStage = TypeVar("OfStage", covariant=True)
 OfMechanism = TypeVar("OfMechanism", covariant=True)
 
 SUBJECTS = ("mechanism", "stage")  # names of the parameter that is what a question is about
-SHARED = {
-    "stage : Stage": "The stage.",
-    "mechanism : Stage": "The stage.",
-    'models : {"both", "analytic", "elements"}': "The models to compute.",
-    "analytic : Analytic": "The analytic model.",
-    "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
-    "solid : bool": "The whole plate by finite elements in three dimensions.",
-    "thickness_resolution : int, optional": "With `solid`, layers of elements in half of the thickness, from 3.",
-    "plane : bool": (
-        "Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones."
-    ),
-    "progress : callable, optional": "Called with a line of text after each completed part.",
-}
-CONVENTION = """
-    Every number has the unit that its quantity declares, as an attribute, by `at` and `band`, in JSON, tables and study
-    columns (tables may add an SI prefix to lengths and angles): `unit` returns it, `flexfem schema {}` lists it."""
-RAISES = """Raises
-------
-BadInput
-    The stage cannot be made, the analytic model does not suit it, or an argument or a file is not valid.
-ComputationFailed
-    The stage is at a singular configuration, or a mesh or a solution does not pass its checks."""
 
 
 def question(function: Function, not_for: str = "", only_for: str = "") -> Function:
-    """Complete the docstring of a function at `{shared}` with common parameters, returns and
-    raises.
+    """Return a function that checks its arguments before it answers a question.
 
-    The returned function raises BadInput for a stage that cannot be made, for a word that its
-    `Literal` lacks, for a model that is no `Analytic`, for a mechanism that its annotation does not
-    name, and for options `not_for` mechanisms or `only_for` them."""
-    text = inspect.cleandoc(function.__doc__ or "")
+    A mechanism that has an answer of its own, see `Mechanism.answering`, is answered by that, with
+    those options that it takes.
+
+    Parameters
+    ----------
+    not_for : options that this function does not use; only an answer of its own may.
+    only_for : options that a mechanism with another kind of file does not have.
+
+    Raises
+    ------
+    BadInput
+        When it is called: for a mechanism of another kind than the annotation says, for one that
+        cannot be made, for an option that does not apply to it, for a word that its `Literal` lacks,
+        and for a model that is no `Analytic`.
+    """
     signature = inspect.signature(function)
     subject_name = next((name for name in SUBJECTS if name in signature.parameters), "")
-    annotation = str(function.__annotations__.get(subject_name))
-    of_mechanism = " or Mechanism" * (annotation == "Mechanism")
-    shared = list[str]()
-    for head, description in SHARED.items():
-        name = head.split()[0]
-        if name in signature.parameters and f"\n{name} :" not in text:
-            shared += [head + of_mechanism * (name in SUBJECTS), f"    {description}"]
-    kinds = str(function.__annotations__["return"]).split(" | ")
-    returns = ", or ".join(kinds) + " of a mechanism" * (len(kinds) > 1)
-    kind = function.__globals__.get(kinds[0].removeprefix("list[").removesuffix("]"))
-    if isinstance(kind, type) and issubclass(kind, Result):
-        returns += CONVENTION.format("KIND" if kind is Result else kind.kind())
-    added = "\n".join([*shared, "", "Returns", "-------", returns, "", RAISES])
-    text = text.replace("{shared}", added.replace("The stage", f"The stage{of_mechanism.lower()}"))
-    for key in not_for.split():
-        text = re.sub(rf"(?m)^({key} : .*(?:\n    .*)*)", r"\1 Not for a mechanism.", text)
-    function.__doc__ = text
 
     @cache
-    def hints_of() -> dict[str, Any]:
+    def hints() -> dict[str, Any]:
         return get_type_hints(function)  # resolvable only after its module is complete
 
     @wraps(function)
     def checked(*positional: Any, **named: Any) -> Any:
         if "layers" in named and "solid" in signature.parameters:
             raise BadInput(f"layers {printed(named['layers'])}: this option is now {SOLID_NOW}")
-        hints = hints_of()
-        bound = signature.bind(*positional, **named).arguments
-        subject = bound.get(subject_name)
-        own = subject.answering(function.__name__) if isinstance(subject, Mechanism) else None
-        options = only_for
-        known = "a mechanism"
-        other = "the nine-hinge stage"
+        given = signature.bind(*positional, **named).arguments
+        mechanism = given.get(subject_name)
+        own = None
+        if isinstance(mechanism, Mechanism):
+            require_kind(function.__name__, mechanism, hints()[subject_name])
+            own = mechanism.answering(function.__name__)
+            refused = _unused_options(mechanism, own, given, not_for, only_for)
+            _refuse_options(mechanism, own, signature, given, refused)
+        for name, value in given.items():
+            check_word(name, value, hints().get(name))
+        if isinstance(mechanism, Mechanism):
+            mechanism.require_feasible()
         if own is not None:
             accepted = inspect.signature(own).parameters
-            options = " ".join(name for name in bound if name not in accepted)
-            known = "a mechanism file"
-            other = f"a {type(subject).kind}"
-        if isinstance(subject, MechanismFile):
-            options, known, other = not_for, other, known
-            if not of_mechanism:
-                raise BadInput(
-                    f"{subject.origin}: {function.__name__} is for {known}, not for {other}"
-                )
-        for name, value in bound.items():
-            if name in options.split() and value != signature.parameters[name].default:
-                option = f"{name} {printed(value)}".removesuffix(" True")
-                if name == "analytic":
-                    option = "mobility, formula or links"
-                raise BadInput(f"{option}: an option for {known}, not for {other}")
-            parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
-            words = [
-                word for part in parts if get_origin(part) is Literal for word in get_args(part)
-            ]
-            is_known = isinstance(value, str) and value in words
-            if words and not is_known and not (value is None and NoneType in parts):
-                raise BadInput(f"{name} {printed(value)}, expected {' or '.join(words)}")
-            if hints.get(name) is Analytic and not isinstance(value, Analytic):
-                raise BadInput(f"{name} {printed(value)}, expected a flexfem.Analytic")
-        if subject_name in bound and not isinstance(subject, MechanismFile):
-            check_feasible(bound[subject_name])
-        if own is not None:
-            own_options = {name: bound[name] for name in list(bound)[1:] if name in accepted}
-            return own(subject, **own_options)
-        if isinstance(subject, MechanismFile) and bound.get("plane"):
-            if bound.get("solid"):
-                raise BadInput("plane with solid, expected one of the two")
-            if subject.model == "three_dimensional":
-                bound[subject_name] = subject.replace(model="plane_stress")
-            return function(**bound)
+            taken = {name: given[name] for name in list(given)[1:] if name in accepted}
+            return own(mechanism, **taken)
+        if given.get("plane"):
+            given[subject_name] = _in_plane(mechanism, given)
+            return function(**given)
         return function(*positional, **named)
 
     return cast(Function, checked)
 
 
 def options(not_for: str = "", only_for: str = "") -> Callable[[Function], Function]:
-    """Declare a `question` with options that are `not_for` a mechanism, or `only_for` one."""
+    """Declare a `question` with options that it does not use; only an own answer may."""
     return lambda function: question(function, not_for, only_for)
+
+
+def require_kind(name: str, mechanism: Mechanism, expected: Any) -> None:
+    """Raise BadInput for a mechanism of a kind that a question is not about."""
+    if not isinstance(mechanism, expected):
+        raise BadInput(
+            f"{mechanism.origin}: {name} is for a {expected.kind}, not for a {mechanism.kind}"
+        )
+
+
+def _unused_options(
+    mechanism: Mechanism,
+    own: Callable[..., Any] | None,
+    given: Mapping[str, Any],
+    not_for: str,
+    only_for: str,
+) -> list[str]:
+    """Return the given options that do not apply to a mechanism."""
+    if own is not None:
+        accepted = inspect.signature(own).parameters
+        return [name for name in list(given)[1:] if name not in accepted]
+    return (not_for if isinstance(mechanism, MechanismFile) else only_for).split()
+
+
+def _refuse_options(
+    mechanism: Mechanism,
+    own: Callable[..., Any] | None,
+    signature: inspect.Signature,
+    given: Mapping[str, Any],
+    refused: Sequence[str],
+) -> None:
+    """Raise BadInput for an option that is stated, and does not apply to a mechanism."""
+    known = "a stage file" if isinstance(mechanism, MechanismFile) else "a mechanism file"
+    for name in refused:
+        if name not in given or _is(given[name], signature.parameters[name].default):
+            continue
+        option = f"{name} {printed(given[name])}".removesuffix(" True")
+        if name == "analytic":
+            option = "mobility, formula or links"
+        raise BadInput(f"{option}: an option for {known}, not for a {mechanism.kind}")
+
+
+def _is(value: Any, default: Any) -> bool:
+    """Whether an argument has its default value; an array has none."""
+    return not isinstance(value, np.ndarray) and bool(value == default)
+
+
+def check_word(name: str, value: Any, hint: Any) -> None:
+    """Raise BadInput for a word that the `Literal` of a parameter lacks, and for a model that is
+    no `Analytic`.
+    """
+    if hint is Analytic and not isinstance(value, Analytic):
+        raise BadInput(f"{name} {printed(value)}, expected a flexfem.Analytic")
+    members = (hint, *get_args(hint))  # of a union, too
+    words = [
+        word for member in members if get_origin(member) is Literal for word in get_args(member)
+    ]
+    if not words or (value is None and NoneType in members):
+        return
+    if not isinstance(value, str) or value not in words:
+        raise BadInput(f"{name} {printed(value)}, expected {' or '.join(words)}")
+
+
+def _in_plane(mechanism: Any, given: Mapping[str, Any]) -> Any:
+    """Return a mechanism whose finite elements are plane. Raises BadInput with `solid`."""
+    if given.get("solid"):
+        raise BadInput("plane with solid, expected one of the two")
+    if mechanism.model == "three_dimensional":
+        return mechanism.replace(model="plane_stress")
+    return mechanism
 
 
 class OfBoth(Protocol[Options, OfStage, OfMechanism]):
@@ -225,9 +238,9 @@ class Analytic(NamedTuple):
 
 DEFAULT = Analytic()
 LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
-PLATE_SOLID_RESOLUTION = (
-    4  # of mechanisms: the plane compliance of leaf springs and notches is within 0.05 %
-)
+# of mechanisms: the plane compliance of leaf springs and notches is within 0.05 %
+PLATE_SOLID_RESOLUTION = 4
+MOST_NAMED = 3  # hinges that a warning names
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 # label of the network of parts, each with the compliance by finite elements of it alone
 ELASTIC = "elastic bodies"
@@ -265,22 +278,19 @@ def elements_through(solid: bool, thickness_resolution: int | None) -> int | Non
 
     Raises BadInput for a number without `solid`, or out of range.
     """
-    if not solid:
-        if thickness_resolution is not None:
-            raise BadInput(
-                f"thickness_resolution {printed(thickness_resolution)} without solid, expected "
-                "solid"
-            )
-        return None
-    return (
-        LAYERS
-        if thickness_resolution is None
-        else arguments.thickness_resolution(thickness_resolution, 3)
-    )
+    if solid:
+        if thickness_resolution is None:
+            return LAYERS
+        return arguments.thickness_resolution(thickness_resolution, 3)
+    if thickness_resolution is not None:
+        raise BadInput(
+            f"thickness_resolution {printed(thickness_resolution)} without solid, expected solid"
+        )
+    return None
 
 
 def mesh_of(
-    plate: Mechanism,
+    mechanism: Mechanism,
     models: Models,
     resolution: int | None,
     layers: int | None,
@@ -294,17 +304,26 @@ def mesh_of(
     Raises BadInput if a mesh is requested without finite elements, if it is too coarse or too fine,
     or for analytic models alone of a plate without hinges."""
     if models == "analytic":
-        require_hinges(plate, "which the analytic models need", "models 'both' or 'elements'")
-        for stated in ([] if resolution is None else [f"resolution {resolution}"]) + ["solid"] * (
-            layers is not None
-        ):
-            raise BadInput(f"{stated} with models 'analytic', expected models with finite elements")
+        require_hinges(mechanism, "which the analytic models need", "models 'both' or 'elements'")
+        _refuse_mesh(resolution, layers)
         return None
-    if layers is not None:
-        usual = PLATE_SOLID_RESOLUTION if isinstance(plate, MechanismFile) else usual_solid
-    return Mesh(
-        arguments.resolution(usual if resolution is None else resolution, least), layers or 0
-    )
+    if resolution is None:
+        resolution = usual
+        if layers is not None:
+            is_file = isinstance(mechanism, MechanismFile)
+            resolution = PLATE_SOLID_RESOLUTION if is_file else usual_solid
+    return Mesh(arguments.resolution(resolution, least), layers or 0)
+
+
+def _refuse_mesh(resolution: int | None, layers: int | None) -> None:
+    """Raise BadInput for a mesh that is requested without finite elements."""
+    stated = ""
+    if resolution is not None:
+        stated = f"resolution {resolution}"
+    elif layers is not None:
+        stated = "solid"
+    if stated:
+        raise BadInput(f"{stated} with models 'analytic', expected models with finite elements")
 
 
 def require_hinges(plate: Mechanism, clause: str, expected: str) -> None:
@@ -315,23 +334,9 @@ def require_hinges(plate: Mechanism, clause: str, expected: str) -> None:
         raise BadInput(f"{plate.origin}: no [[hinge]], {clause}, expected {expected}")
 
 
-def lever_of(plate: Mechanism) -> float:
+def lever_of(mechanism: Mechanism) -> float:
     """Return the lever, mm: a rotation times it is comparable with a translation."""
-    return plate.layout.lever if isinstance(plate, MechanismFile) else plate.chain.link_lengths[2]
-
-
-@once
-def sectors_of(stage: Stage, resolution: int) -> tuple[Sector, ...]:
-    """Return the meshed sectors of a feasible stage."""
-    return mesh_sectors(stage, resolution)
-
-
-@once
-def solved(stage: Stage, resolution: int) -> Response:
-    """Solve a feasible stage with plane finite elements. Raises BadInput for a model that is not
-    plane.
-    """
-    return unit_response(sectors_of(stage, resolution), plate_of(stage))
+    return mechanism.lever
 
 
 def on_meshes(
@@ -371,26 +376,24 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
 
 
 def about(
-    plate: Mechanism,
+    mechanism: Mechanism,
     heat: bool = False,
     drive: bool = False,
     files: Mapping[str, Sourced] = NOTHING,
 ) -> About:
-    """Return the subject of a result: a plate, `heat` coefficients or `drive` of a stage, and other
-    files by name.
-    """
-    doubts = assumptions([("", plate), *((f"{name}: ", file) for name, file in files.items())])
-    digest = plate.hash
-    if isinstance(plate, Stage) and (heat or drive):
-        doubts = plate.heat_assumptions if heat else plate.drive_assumptions
-        digest = plate.heat_hash if heat else plate.drive_hash
+    """Return a mechanism, with other files by name, as the subject of a result."""
+    doubts = assumptions([("", mechanism), *((f"{name}: ", file) for name, file in files.items())])
+    digest = mechanism.hash
+    if isinstance(mechanism, Stage) and (heat or drive):
+        doubts = mechanism.heat_assumptions if heat else mechanism.drive_assumptions
+        digest = mechanism.heat_hash if heat else mechanism.drive_hash
     return About(
-        plate.name,
-        str(plate.origin),
+        mechanism.name,
+        str(mechanism.origin),
         digest,
         tuple(doubts.assumed),
         tuple(doubts.not_stated),
-        lever_of(plate),
+        mechanism.lever,
     )
 
 
@@ -430,6 +433,27 @@ def kind_of(kind: type[Kind], subject: Mechanism | About) -> type[Kind]:
     return cast(type[Kind], kind.of_mechanism) if isinstance(subject, MechanismFile) else kind
 
 
+def result_of(
+    kind: type[Kind],
+    subject: About,
+    models: Mapping[str, ModelAnswer],
+    mesh: Mesh | None,
+    settings: Mapping[str, Any] = NOTHING,
+    values: Mapping[str, Any] = NOTHING,
+    axes: Mapping[str, Sequence[str]] = NOTHING,
+    bands: Mapping[str, Any] = NOTHING,
+    **others: Any,
+) -> Kind:
+    """Return a result from the values of models, and from values and bands that are of no model.
+
+    others : warnings, notes and fields of the result.
+    """
+    labels = {"model": tuple(models), **axes}
+    stacked, widths = stack_models(kind, models, labels)
+    stated = {**settings, **meshed(mesh)}
+    return kind(subject, {**stacked, **values}, {**widths, **bands}, labels, stated, **others)
+
+
 def answer(
     kind: type[Kind],
     subject: Mechanism | About,
@@ -441,48 +465,81 @@ def answer(
     bands: Mapping[str, Any] = NOTHING,
     **others: Any,
 ) -> Kind:
-    """Return the result of a question from the values of its models, and from values and bands of
-    all models.
+    """Return the result of a question about a mechanism, as `result_of`.
 
-    That of a mechanism is of the kind `of_mechanism`. It has the axes hinge, point and actuator,
-    and the warnings and notes that apply to every question."""
+    It has the axes hinge, body, point and actuator of the mechanism, and the warnings and notes
+    that apply to every question."""
     kind = kind_of(kind, subject)
-    labels = {"model": tuple(models), **axes}
-    if isinstance(subject, MechanismFile):
-        layout = subject.layout
-        labels = {
-            "hinge": [joint.name for joint in layout.joints],
-            "body": [body.name for body in layout.bodies if not body.fixed],
-            "point": [name for name, _ in layout.points],
-            "actuator": [actuator.name for actuator in layout.actuators],
-            **labels,
-        }
-        found = [*values, *chain.from_iterable(model.values for model in models.values())]
-        peaks = any(
-            word in kind.quantities[name].meaning for name in found for word in ("stress", "strain")
-        )
-        warned = sharp_roots(layout) if peaks and mesh is not None else []
-        if (layout.residual_stress or np.any(layout.preload)) and "preload" not in settings:
-            warned.append(WITHOUT_PRELOAD)
-        others["warnings"] = [*others.get("warnings", ()), *warned]
-        by_hinges = SOLID in models and mesh is not None and not mesh.layers
-        read = [ELASTIC_READ] * (ELASTIC in models) + [BY_HINGES] * by_hinges
-        read += [] if layout.joints else [NO_HINGES]
-        others["notes"] = [*others.get("notes", ()), *read]
-    stacked, widths = stack_models(kind, models, labels)
-    subject = subject if isinstance(subject, About) else about(subject)
-    settings = {**settings, **meshed(mesh)}
-    return kind(subject, {**stacked, **values}, {**widths, **bands}, labels, settings, **others)
+    if isinstance(subject, About):
+        return result_of(kind, subject, models, mesh, settings, values, axes, bands, **others)
+    of = about(subject)
+    if not isinstance(subject, MechanismFile):
+        return result_of(kind, of, models, mesh, settings, values, axes, bands, **others)
+    layout = subject.layout
+    found = [*values, *chain.from_iterable(model.values for model in models.values())]
+    warnings = [*others.pop("warnings", ())]
+    if mesh is not None and has_peaks(kind, found):
+        warnings += sharp_roots(layout)
+    if (layout.residual_stress or np.any(layout.preload)) and "preload" not in settings:
+        warnings.append(WITHOUT_PRELOAD)
+    notes = [*others.pop("notes", ()), *notes_on_models(layout, models, mesh)]
+    return result_of(
+        kind,
+        of,
+        models,
+        mesh,
+        settings,
+        values,
+        {**axes_of(layout), **axes},
+        bands,
+        warnings=warnings,
+        notes=notes,
+        **others,
+    )
+
+
+def axes_of(layout: Layout) -> dict[str, list[str]]:
+    """Return the labels of the axes of a mechanism: its hinges, moving bodies, points, actuators."""
+    return {
+        "hinge": [joint.name for joint in layout.joints],
+        "body": [body.name for body in layout.bodies if not body.fixed],
+        "point": [name for name, _ in layout.points],
+        "actuator": [actuator.name for actuator in layout.actuators],
+    }
+
+
+def has_peaks(kind: type[Result], names: Sequence[str]) -> bool:
+    """Whether one of these quantities is a highest stress or strain."""
+    meanings = [kind.quantities[name].meaning for name in names]
+    return any("stress" in meaning or "strain" in meaning for meaning in meanings)
+
+
+def notes_on_models(
+    layout: Layout, models: Mapping[str, ModelAnswer], mesh: Mesh | None
+) -> list[str]:
+    """Return notes on what the models are of which a result has values."""
+    notes = list[str]()
+    if ELASTIC in models:
+        notes.append(ELASTIC_READ)
+    if SOLID in models and mesh is not None and not mesh.layers:
+        notes.append(BY_HINGES)
+    if not layout.joints:
+        notes.append(NO_HINGES)
+    return notes
 
 
 def sharp_roots(layout: Layout) -> list[str]:
-    """Warn of hinges with sharp inner corners, where stress and strain by finite elements are
+    """Warn of hinges with sharp inner corners, where stress and strain of finite elements are
     singular.
     """
     sharp = [joint.name for joint in layout.joints if has_sharp_corner(layout, joint)]
-    named = ", ".join(sharp[:3]) + f" and {len(sharp) - 3} more" * (len(sharp) > 3)
+    if not sharp:
+        return []
+    named = ", ".join(sharp[:MOST_NAMED])
+    if len(sharp) > MOST_NAMED:
+        named += f" and {len(sharp) - MOST_NAMED} more"
     return [
         f"hinges with sharp inner corners ({named}): stress and strain of finite elements there "
         "grow without limit as the mesh is refined, and the range at yield falls with them; "
         "state fillet_mm, or smooth = true of a table"
-    ] * bool(sharp)
+    ]

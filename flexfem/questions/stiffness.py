@@ -406,6 +406,8 @@ def stiffness(
 
     Parameters
     ----------
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
     force : tuple of float, optional
         Load on the platform: N, N, N mm.
     displacement : tuple of float, optional
@@ -425,7 +427,33 @@ def stiffness(
     no_limits : bool
         Leave out buckling loads and the range at finite displacement of a mechanism, which take
         most of the time of the analytic model.
-    {shared}
+    models : {"both", "analytic", "elements"}
+        The models to compute.
+    analytic : Analytic
+        The analytic model. Of a stage file only.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    solid : bool
+        The whole plate by finite elements in three dimensions.
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    plane : bool
+        Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Stiffness
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        stiffness` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Notes
     -----
@@ -1079,7 +1107,35 @@ def summary(
 
     Parameters
     ----------
-    {shared}
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
+    models : {"both", "analytic", "elements"}
+        The models to compute.
+    analytic : Analytic
+        The analytic model. Of a stage file only.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes, from 4.
+    solid : bool
+        The whole plate by finite elements in three dimensions.
+    thickness_resolution : int, optional
+        With `solid`, layers of elements in half of the thickness, from 3.
+    plane : bool
+        Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Summary
+        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
+        summary` lists it.
+
+    Raises
+    ------
+    BadInput
+        The mechanism cannot be made, or an option or a file is not valid.
+    ComputationFailed
+        The mechanism is singular, or a mesh or a solution does not pass its checks.
 
     Examples
     --------
