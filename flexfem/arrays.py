@@ -1,4 +1,4 @@
-"""Array types, and the inverse of small matrices with a check of their condition."""
+"""Array types, rotations, and the inverse of small matrices with a check of their condition."""
 
 from __future__ import annotations
 
@@ -69,6 +69,22 @@ def inverse(A: Array) -> Array:
         inverted = np.where(trusted, inverted, np.nan)
         inverted = np.swapaxes(column_scale, 0, 1) * inverted * np.swapaxes(row_scale, 0, 1)
         return np.asarray(np.moveaxis(inverted, (0, 1), (-2, -1)))
+
+
+def rotation(angle: float) -> Array:
+    """Return the matrix (3, 3) that turns x, y, theta by an angle, rad, about the origin."""
+    c = np.cos(angle)
+    s = np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def turned(points: Array, angle: Array | float) -> Array:
+    """Return points (..., 2) turned about the origin by `angle` (...), rad."""
+    c = np.cos(angle)
+    s = np.sin(angle)
+    x = points[..., 0]
+    y = points[..., 1]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 def free_stiffness(stiffness: Array) -> Array:

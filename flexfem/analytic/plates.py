@@ -27,10 +27,9 @@ from flexfem.analytic.network import (
 from flexfem.arrays import AnyArray, Array
 from flexfem.hinges.wide import wide_factors
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
-from flexfem.mechanism.outlines import area_moments, integrals, polygon_points, polyline
+from flexfem.mechanism.outlines import area_moments, inertia_of, integrals, polygon_points, polyline
 from flexfem.mechanism.plate import components, cuts_of
 from flexfem.mechanism.profiles import Profile
-from flexfem.paper.bodies import inertia_of
 from flexfem.refused import BadInput, ComputationFailed
 
 ACROSS = np.polynomial.legendre.leggauss(2)  # over the height of a hinge

@@ -28,6 +28,7 @@ CHUNK = 20_000  # triangles integrated at once
 # triangles whose matrices are computed at once: they fit the cache of a processor, and memory is
 # reused
 CACHED = 400
+MOST_COMPONENTS = 4_000_000  # of stress, computed at once
 
 
 class Plate(NamedTuple):
@@ -350,6 +351,21 @@ def von_mises(stress: Array, ratio: float = 0.0, across: Array | float = 0.0) ->
         zz = stress[..., 2, 2]
         shear = shear + stress[..., 0, 2] ** 2 + stress[..., 1, 2] ** 2
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * shear))
+
+
+def highest_stress(stress: Array, loads: Array, ratio: float) -> Array:
+    """Highest von Mises stress (n, m), MPa, at every height under loads (n, c) of several cases.
+
+    stress : (c, p, 2, 2) or (c, p, m, 3, 3), MPa, of the cases at p nodes.   ratio : as of
+    `von_mises`.
+    """
+    parts = list[Array]()
+    size = max(1, MOST_COMPONENTS // stress[0].size)
+    for start in range(0, max(1, len(loads)), size):
+        combined = np.tensordot(loads[start : start + size], stress, axes=1)
+        parts.append(von_mises(combined, ratio).max(axis=1))
+    highest = np.concatenate(parts)
+    return highest if highest.ndim == 2 else highest[:, None]
 
 
 class Pairs(NamedTuple):

@@ -1,6 +1,4 @@
-"""Meshes of curved quadratic triangles, their checks, and sectors of three chains welded into one
-mesh.
-"""
+"""Meshes of curved quadratic triangles, their checks, and three sectors welded into one mesh."""
 
 from __future__ import annotations
 
@@ -12,8 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from flexfem.arrays import Array, Index, brief
-from flexfem.paper.frames import CHAIN_TURN, turned
+from flexfem.arrays import Array, Index, brief, rotation, turned
 from flexfem.refused import ComputationFailed
 
 if TYPE_CHECKING:
@@ -30,6 +27,9 @@ AREA_ERROR = (
 SAME_PLACE = (
     1e-6  # mm; tolerance of nodes of two sectors on their common cut, and of centres of arcs
 )
+SECTORS = 3  # identical ones of a cyclic plate
+SECTOR_TURN = 2.0 * np.pi / SECTORS  # rad, from a sector to the next
+BODIES_OF_SECTOR = 4  # at most, numbered from 0 in each sector
 SIDES = ("left", "right", "bottom", "top")
 NODES = np.array(
     [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
@@ -113,11 +113,9 @@ class StageMesh(NamedTuple):
 
     nodes : (n, 2), mm.
     triangles : (m, 6), corners counter-clockwise, then the middles of the sides 01, 12, 20.
-    bodies : (m,), 4 * chain + body, chains from 0, bodies in the order pad, link 1, link 2,
-    platform.
-    edges : {label: (k, 3)} ends then middle of the edges on `ground` (clamped), `hub` (rigid) and
-    the narrowest
-        section of every hinge, labelled `neck 1 base` and so on.
+    bodies : (m,), number of the body or hinge of each triangle.
+    edges : {label: (k, 3)} ends then middle of the edges on `ground` or `clamped` (held), `hub`
+    (rigid), and the narrowest section of every hinge.
     """
 
     nodes: Array
@@ -245,58 +243,71 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
 
 
 class Sector(NamedTuple):
-    """Mesh of one chain and its sector of the platform, in the frame of chain 1.
+    """Mesh of one of three sectors of a plate around a rigid hub, in the frame of the first sector.
 
-    mesh : bodies 0 to 3; edges on `ground`, `hub`, `cut ahead`, `cut behind` and, for each hinge,
-    `neck base` etc.
+    mesh : with edges on `ground`, `hub`, `cut ahead`, `cut behind` and, for each hinge, `neck base`
+    etc.
     behind, ahead : (k,), nodes on the cuts by radius, except the hub's; ahead is behind rotated by
-    120 degrees."""
+    120 degrees.
+    """
 
     mesh: StageMesh
     behind: Index
     ahead: Index
 
 
+def sector_rotation(sector: int) -> Array:
+    """Matrix (3, 3) that maps x, y, theta of a sector (from 0) to the frame of the first one."""
+    return rotation(sector * SECTOR_TURN)
+
+
 def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """Return the whole mesh of one or three sectors and, for each chain, the indices of its sector
-    nodes in it.
-    """
+    """Return the whole mesh of one or three sectors and the indices of each sector's nodes in it."""
     mesh, sector_nodes = joined(sectors)
     mesh, new = ordered(mesh)
     return mesh, [new[numbers] for numbers in sector_nodes]
 
 
 def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """Join sectors as `welded`, but keep the order of nodes; `cut ahead` of a chain is `cut behind`
-    of the next.
+    """Join sectors as `welded`, but keep the order of nodes.
+
+    `cut ahead` of a sector is `cut behind` of the next. The bodies of sector s, from 0, are
+    numbered from `BODIES_OF_SECTOR * s`, and its necks are labelled `neck 1 base` and so on with
+    the number of the sector from 1.
     """
-    parts = [sector.mesh for sector in (sectors if len(sectors) == 3 else sectors * 3)]
-    first = np.concatenate([[0], np.cumsum([len(part.nodes) for part in parts])])
-    number = np.arange(first[-1])
-    for chain, part in enumerate(parts):
-        ahead = by_radius(part.nodes, part.edges["cut ahead"])
-        following = parts[(chain + 1) % 3]
-        behind = by_radius(following.nodes, following.edges["cut behind"])
-        number[first[chain] + ahead] = first[(chain + 1) % 3] + behind
-    kept, number = np.unique(number, return_inverse=True)
-    sector_nodes = [number[first[chain] : first[chain + 1]] for chain in range(3)]
-    nodes = np.concatenate(
-        [turned(part.nodes, chain * CHAIN_TURN) for chain, part in enumerate(parts)]
-    )[kept]
+    parts = [sector.mesh for sector in (sectors * SECTORS if len(sectors) == 1 else sectors)]
+    kept, sector_nodes = _numbered_nodes(parts)
+    turned_nodes = [turned(part.nodes, k * SECTOR_TURN) for k, part in enumerate(parts)]
+    nodes = np.concatenate(turned_nodes)[kept]
+    triangles = list[Index]()
+    bodies = list[Index]()
     edges: dict[str, list[Index]] = {}
-    for chain, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True)):
+    for k, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True)):
+        triangles.append(numbers[part.triangles])
+        bodies.append(BODIES_OF_SECTOR * k + part.bodies)
         for label, edge in part.edges.items():
             if not label.startswith("cut"):
-                edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(
-                    numbers[edge]
-                )
-    triangles = np.concatenate(
-        [numbers[part.triangles] for part, numbers in zip(parts, sector_nodes, strict=True)]
-    )
-    bodies = np.concatenate([4 * chain + part.bodies for chain, part in enumerate(parts)])
-    return StageMesh(
-        nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}
-    ), sector_nodes
+                label = label.replace("neck", f"neck {k + 1}")
+                edges.setdefault(label, []).append(numbers[edge])
+    whole = {label: np.concatenate(edge) for label, edge in edges.items()}
+    mesh = StageMesh(nodes, np.concatenate(triangles), np.concatenate(bodies), whole)
+    return mesh, sector_nodes
+
+
+def _numbered_nodes(parts: list[StageMesh]) -> tuple[Index, list[Index]]:
+    """Return which nodes of all sectors are kept, and the numbers of each sector's nodes among them.
+
+    Nodes on a cut are kept once.
+    """
+    first = np.concatenate([[0], np.cumsum([len(part.nodes) for part in parts])])
+    number = np.arange(first[-1])
+    for k, part in enumerate(parts):
+        ahead = by_radius(part.nodes, part.edges["cut ahead"])
+        following = (k + 1) % SECTORS
+        behind = by_radius(parts[following].nodes, parts[following].edges["cut behind"])
+        number[first[k] + ahead] = first[following] + behind
+    kept, number = np.unique(number, return_inverse=True)
+    return kept, [number[first[k] : first[k + 1]] for k in range(SECTORS)]
 
 
 def mesh_of(arrays: NamedArrays) -> StageMesh:

@@ -1,8 +1,7 @@
 """gmsh in separate processes, which can hang or crash without affecting flexfem; the only module
 that imports it.
 
-A process serves one list of requests, such as `Sectors`, after the other, since starting it takes
-longer than most meshes: `main` reads pickled requests from standard input and writes pickled
+A process serves one request after the other, since starting it takes longer than most meshes: `main` reads pickled requests from standard input and writes pickled
 results to standard output."""
 
 from __future__ import annotations
@@ -802,14 +801,14 @@ def main() -> None:
     os.dup2(2, 1)  # keeps the output of libraries out of the results
     with suppress(EOFError):
         while True:
-            requests = pickle.load(sys.stdin.buffer)
+            request = pickle.load(sys.stdin.buffer)
             try:
-                results = [serve[type(request)](request) for request in requests]
+                result = serve[type(request)](request)
             except (
                 Exception
             ) as error:  # gmsh raises bare Exception; the parent turns this into one line
                 sys.exit(f"gmsh: {' '.join(str(error).split())}")
-            pickle.dump(results, output)
+            pickle.dump(result, output)
             output.flush()
 
 
@@ -837,38 +836,25 @@ class MeshTimeout(ComputationFailed):
 
 
 def run_mesher(request: Request, time_limit: float | Limit) -> Any:
-    """Serve one request with `run_jobs`."""
-    return run_jobs([request], time_limit)[0]
+    """Serve a request in a process and return its result.
 
-
-def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[Any]:
-    """Serve requests one after the other in one process and return their results.
-
-    Raises ComputationFailed when one fails, MeshTimeout when they take more than `time_limit` s.
+    Raises ComputationFailed when it fails, MeshTimeout when it takes more than `time_limit` s.
     """
     while _idle and not _idle[-1].alive:
         _idle.pop().end()
     process = _idle.pop() if _idle else _Process()
     try:
-        results = process.run(
-            list(requests), time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
-        )
+        limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
+        result = process.run(request, limit)
     except BaseException:  # Ctrl-C too: a late result would be taken for that of the next request
         process.end()
         raise
-    if (
-        sum(
-            array.nbytes
-            for result in results
-            if isinstance(result, dict)
-            for array in result.values()
-        )
-        > MOST_KEPT
-    ):
+    size = sum(array.nbytes for array in result.values()) if isinstance(result, dict) else 0
+    if size > MOST_KEPT:
         process.end()
     else:
         _idle.append(process)
-    return results
+    return result
 
 
 class _Process:
@@ -884,10 +870,10 @@ class _Process:
     def alive(self) -> bool:
         return self._child.poll() is None
 
-    def run(self, requests: list[Request], limit: Limit) -> list[Any]:
-        """Serve requests as `run_jobs`; time during which flexfem is suspended does not count."""
-        self._request = pickle.dumps(requests)
-        received = list[list[Any]]()
+    def run(self, request: Request, limit: Limit) -> Any:
+        """Serve a request as `run_mesher`; time during which flexfem is suspended does not count."""
+        self._request = pickle.dumps(request)
+        received = list[Any]()
         exchange = Thread(target=self._exchange, args=(received,), daemon=True)
         allowed = limit.left
         exchange.start()
@@ -901,10 +887,8 @@ class _Process:
             raise self._failure()
         return received[0]
 
-    def _exchange(self, received: list[list[Any]]) -> None:
-        """Send the requests and append the results, in a thread; append nothing when the process
-        ends early.
-        """
+    def _exchange(self, received: list[Any]) -> None:
+        """Send the request and append the result, in a thread; nothing if the process ends early."""
         assert self._child.stdin and self._child.stdout
         with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
             self._child.stdin.write(self._request)

@@ -15,11 +15,10 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.elements import Layers, Plate
 from flexfem.fem.factor import Solve
-from flexfem.fem.mesh import Sector, StageMesh, joined
+from flexfem.fem.mesh import SECTORS, Sector, StageMesh, joined, sector_rotation
 from flexfem.fem.response import factorised_stage
 from flexfem.fem.structure import Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import Space, full_space, whole_fields
-from flexfem.paper.frames import chain_rotation
 from flexfem.refused import ComputationFailed
 
 if TYPE_CHECKING:
@@ -179,7 +178,7 @@ def stage_modes(
     double, pairs = _ritz(stage.spaces[1], vibrating, -(-count // 2))
     motion = motion / np.sqrt(3)
     vector = np.split(pairs * np.sqrt(2 / 3), 2, axis=1)  # real and imaginary parts
-    turns = [chain_rotation(chain)[:2, :2] for chain in range(3)]
+    turns = [sector_rotation(sector)[:2, :2] for sector in range(SECTORS)]
     parts = [np.hstack([motion, *np.tensordot(turn, vector, axes=1)]) for turn in turns]
     mesh, sector_nodes = joined(sectors)
     whole = structure(mesh, plate, layers)

@@ -36,6 +36,7 @@ from flexfem.fem.mesher import (
     Region,
     run_mesher,
 )
+from flexfem.fem.sizes import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, first_good, smaller_at
 from flexfem.mechanism.layout import Body, Layout, Move
 from flexfem.mechanism.outlines import SHORTEST, Segment, circle_of, polygon_points, reverse
 from flexfem.mechanism.plate import (
@@ -54,7 +55,6 @@ from flexfem.mechanism.plate import (
     section_middle,
     triangles_needed,
 )
-from flexfem.paper.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, smaller_at
 from flexfem.refused import ComputationFailed
 
 PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs
@@ -184,34 +184,34 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
 def _accepted(layout: Layout, job: PlateMesh, across: dict[str, int], attempts: int) -> StageMesh:
     """Return the first mesh that passes its checks.
 
-    In place of poor triangles there are smaller ones in the next attempt, and the edges across
-    necks are not equal, so that those at the ends of the necks can be smaller. After any other
-    failure all triangles are smaller, by another algorithm; a mesh with symmetry then has no other
-    attempt.
-
     across : least number of triangles across each neck.
     """
-    try:
-        arrays = run_mesher(job, TIME_LIMIT + TIME_PER_TRIANGLE * triangles_needed(layout))
-        return _checked(layout, arrays, across)
-    except (MeshTimeout, TooManyTriangles):
-        raise
-    except PoorTriangles as poor:
-        if attempts == 1:
-            raise
-        smaller = smaller_at(poor.corners, max(job.largest), job.moves)
-        changed = job._replace(divisions={}, gradings=[*job.gradings, *smaller])
-    except ComputationFailed:
-        if attempts == 1 or job.moves:
-            raise
-        gradings = [
-            one._replace(size=FINER * one.size, largest=FINER * one.largest) for one in job.gradings
-        ]
-        largest = [FINER * size for size in job.largest]
-        changed = job._replace(
-            gradings=gradings, largest=largest, algorithm=OTHER_ALGORITHM[job.algorithm]
-        )
-    return _accepted(layout, changed, across, attempts - 1)
+    time_limit = TIME_LIMIT + TIME_PER_TRIANGLE * triangles_needed(layout)
+
+    def mesh(job: PlateMesh) -> StageMesh:
+        return _checked(layout, run_mesher(job, time_limit), across)
+
+    return first_good(job, mesh, _next_attempt, attempts)
+
+
+def _next_attempt(job: PlateMesh, failure: ComputationFailed) -> PlateMesh | None:
+    """Return the drawing for another attempt after a failure, None if there is none.
+
+    In place of poor triangles there are smaller ones, and the edges across necks are not equal, so
+    that those at the ends of the necks can be smaller. After any other failure all triangles are
+    smaller, by another algorithm; a mesh with symmetry then has no other attempt.
+    """
+    if isinstance(failure, PoorTriangles):
+        smaller = smaller_at(failure.corners, max(job.largest), job.moves)
+        return job._replace(divisions={}, gradings=[*job.gradings, *smaller])
+    if isinstance(failure, MeshTimeout | TooManyTriangles) or job.moves:
+        return None
+    gradings = [
+        one._replace(size=FINER * one.size, largest=FINER * one.largest) for one in job.gradings
+    ]
+    largest = [FINER * size for size in job.largest]
+    algorithm = OTHER_ALGORITHM[job.algorithm]
+    return job._replace(gradings=gradings, largest=largest, algorithm=algorithm)
 
 
 def symmetry_of(layout: Layout) -> list[Move]:

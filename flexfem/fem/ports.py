@@ -15,7 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.body_stress import body_nodes
-from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, stress_tensor, von_mises
+from flexfem.fem.elements import (
+    MASS_QUADRATURE,
+    Layers,
+    Plate,
+    highest_stress,
+    mirrored,
+    stress_tensor,
+    von_mises,
+)
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
 from flexfem.fem.response import HEAT_CASES, Factorised, Response, free_displacement, resultants_of
@@ -23,7 +31,6 @@ from flexfem.fem.structure import NONE, Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import full_space
 from flexfem.mechanism.layout import Joint, Layout, Patch
 from flexfem.mechanism.plate import in_hinge
-from flexfem.paper.fields import highest_stress
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses
@@ -56,6 +63,17 @@ def plate_of_layout(
         np.where(ratio, ratio, nu) if np.ndim(nu) else ratio or nu,
         layout.thickness,
     )
+
+
+def layers_of_layout(layout: Layout, number: int, antisymmetric: bool = False) -> Layers:
+    """Return layers graded for the narrowest neck, in half of the thickness.
+
+    They are those of motion in the plane or, antisymmetric, out of it.
+    """
+    thickness = layout.thickness
+    necks = (joint.profile.neck for joint in layout.joints)
+    layers = mirrored(thickness, number, min(necks, default=thickness))
+    return layers.antisymmetric if antisymmetric else layers
 
 
 def density_of_layout(layout: Layout, mesh: StageMesh) -> float | Array:

@@ -26,10 +26,9 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, part_stresses
-from flexfem.fem.mesh import Sector, StageMesh, joined, nodes_on
+from flexfem.fem.mesh import SECTORS, Sector, StageMesh, joined, nodes_on, sector_rotation
 from flexfem.fem.structure import Mass, Structure, structure
 from flexfem.fem.symmetry import Space, chain_values, full_space, harmonic_spaces, whole_fields
-from flexfem.paper.frames import chain_rotation
 from flexfem.refused import ComputationFailed
 
 BALANCE = 1e-9  # relative tolerance of reactions against loads and of energy against work
@@ -106,7 +105,9 @@ class Factorised:
         count = loads.shape[1]
         points = structure.mesh.nodes
         order = structure.vector_first
-        rotations = [chain_rotation(chain) for chain in range(3)] if cyclic else [np.eye(count)]
+        rotations = (
+            [sector_rotation(sector) for sector in range(SECTORS)] if cyclic else [np.eye(count)]
+        )
         scale = np.ones(3)
         scale[order[2:] if order[0] == 0 else order[:2]] = 1 / np.max(np.abs(points))  # moments
         rigid = structure.rigid_fields().reshape(3, len(points), -1)
@@ -217,12 +218,13 @@ def _imbalance(
 
 
 def clamped_nodes(mesh: StageMesh) -> list[Index]:
-    """Return the nodes on the clamped edge of the pad of each chain."""
-    chain_of = np.full(len(mesh.nodes), -1)
+    """Return the nodes on the clamped edge of each body at the ground, by the number of the body."""
+    body_of = np.full(len(mesh.nodes), -1)
     ground = nodes_on(mesh, "ground")
-    for chain in range(3):
-        chain_of[mesh.triangles[mesh.bodies == 4 * chain]] = chain  # body 0, the pad
-    return [ground[chain_of[ground] == chain] for chain in range(3)]
+    on_ground = np.isin(mesh.triangles, ground).any(axis=1)
+    for body in np.unique(mesh.bodies[on_ground]):
+        body_of[mesh.triangles[mesh.bodies == body]] = body
+    return [ground[body_of[ground] == body] for body in np.unique(body_of[ground])]
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.factor import Condensed, condense, dense
+from flexfem.fem.mesh import SECTOR_TURN, sector_rotation
 from flexfem.fem.structure import Structure
-from flexfem.paper.frames import CHAIN_TURN, chain_rotation
 
 
 class Space(NamedTuple):
@@ -105,9 +105,9 @@ def _cut_constraint(structure: Structure, nodes: int, harmonic: int) -> AnyArray
     line = structure.line
     node = np.eye(len(line.free_components))
     vectors = len(line.heights) - len(line.fixed)  # nodes with free u, v
-    node[: 2 * vectors, : 2 * vectors] = np.kron(np.eye(vectors), chain_rotation(1)[:2, :2])
+    node[: 2 * vectors, : 2 * vectors] = np.kron(np.eye(vectors), sector_rotation(1)[:2, :2])
     rotation = np.kron(np.eye(nodes), node)
-    phase = np.exp(1j * CHAIN_TURN) if harmonic else 1.0
+    phase = np.exp(1j * SECTOR_TURN) if harmonic else 1.0
     c = len(rotation)
     T = np.zeros((2 * c + 3, c + 1), dtype=complex if harmonic else float)
     T[:c, :c] = np.eye(c)
@@ -127,7 +127,7 @@ def chain_values(values: Sequence[Array]) -> list[Array]:
     sectors."""
     if len(values) == 3:
         return list(values)
-    return [np.tensordot(chain_rotation(chain), values[0], axes=1) for chain in range(3)]
+    return [np.tensordot(sector_rotation(chain), values[0], axes=1) for chain in range(3)]
 
 
 def rotated_fields(values: Array, chain: int) -> Array:
@@ -135,7 +135,7 @@ def rotated_fields(values: Array, chain: int) -> Array:
     back if negative.
     """
     axes = values.shape[-1]
-    return values @ chain_rotation(chain)[:axes, :axes].T
+    return values @ sector_rotation(chain)[:axes, :axes].T
 
 
 def whole_fields(nodes: int, sector_nodes: list[Index], parts: Sequence[Array]) -> Array:

@@ -15,7 +15,6 @@ from flexfem.files.quantities import FLATTEST, STEEPEST
 from flexfem.hinges.chart import thickness_chart
 from flexfem.mechanism.materials import SWT, Material, materials
 from flexfem.mechanism.profiles import Concentration, concentration
-from flexfem.paper.designs import Designs
 from flexfem.refused import BadInput, printed
 
 
@@ -31,31 +30,37 @@ class Wrench(NamedTuple):
     shear: Array
 
 
-def stress_raised(designs: Designs) -> Concentration:
-    """Return the largest von Mises stress at the necks of n designs over that of a straight bar,
-    (n, 3, 3) or smaller.
+def raised_in_plane(ratio: Array, out_of_plane: Array) -> Concentration:
+    """Return the largest von Mises stress (...) at necks over the stress of a straight bar.
 
-    It is `concentration` times a factor for the out-of-plane stress: `von_mises_along` in plane
-    strain, and the charted factors of bending and tension at t/R, b/t and nu in a "corrected"
-    plane. The latter hold for the highest stress over the thickness, which bending and tension may
-    have at different heights. Shear takes the factor of bending, because a transverse force bends
-    the neck off its centre."""
-    ratio = designs.neck / designs.radius
+    ratio : (...), t/R.   out_of_plane : (...), stress out of the plane over that along the surface,
+    0 in plane stress.
+    """
+    von_mises_factor = von_mises_along(out_of_plane)
+    return Concentration(*(factor * von_mises_factor for factor in concentration(ratio)))
+
+
+def raised_in_depth(ratio: Array, depth_ratio: Array, poissons_ratio: Array) -> Concentration:
+    """Return the largest von Mises stress (...) at necks in three dimensions over that of a bar.
+
+    ratio : (...), t/R.   depth_ratio : (...), b/t.
+
+    Notes
+    -----
+    The charted factors of bending and tension hold for the highest stress over the thickness, which
+    both may have at different heights. Shear takes the factor of bending, because a transverse
+    force bends the neck off its centre.
+    """
     K = concentration(ratio)
-    if designs.plane == "corrected":
-        depth_ratio = designs.thickness[:, None, None] / designs.neck
-        nu = designs.poissons_ratio[:, None, None]
-        bending, tension = thickness_chart().at(ratio, depth_ratio, nu)[2:]
-        return Concentration(K.bending * bending, K.tension * tension, K.shear * bending)
-    von_mises_factor = von_mises_along(designs.out_of_plane)[:, None, None]
-    return Concentration(*(factor * von_mises_factor for factor in K))
+    bending, tension = thickness_chart().at(ratio, depth_ratio, poissons_ratio)[2:]
+    return Concentration(K.bending * bending, K.tension * tension, K.shear * bending)
 
 
 def neck_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentration) -> Array:
     """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges, 3 directions), MPa
     per mm, rad.
 
-    neck : (..., 3, 3), mm.   thickness : (...), mm.   raised : (..., 3, 3), of `stress_raised`.
+    neck : (..., 3, 3), mm.   thickness : (...), mm.   raised : (..., 3, 3), of `raised_in_plane`.
 
     It is `|6 M K_b / (b t^2)| + |N K_t / (b t)|` at the more stressed side of the neck. Shear is
     neglected: it is zero at that surface, and its own maximum off the neck is 1 % of the bending

@@ -325,6 +325,20 @@ def integrals(z: AnyArray, weights: Array) -> AnyArray:
     )
 
 
+def inertia_of(moments: AnyArray, areal: Array | float) -> Array:
+    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies for a motion x, y, theta of the
+    origin.
+
+    moments : (..., 3), area integrals of 1, z and |z|^2, mm^2 to mm^4.   areal : (...), mass per
+    area, tonne/mm^2."""
+    values = np.moveaxis(moments * np.asarray(areal)[..., None], -1, 0)
+    mass, x, second = values.real
+    y = values[1].imag
+    zero = np.zeros_like(mass)
+    rows = [[mass, zero, -y], [zero, mass, x], [-y, x, second]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
 def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArray:
     """Vertices (n, 2) of a polygon that approximates the loop with one vertex per `step` rad of
     arc.

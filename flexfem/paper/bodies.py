@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import AnyArray, Array, turned
 from flexfem.files.tables import once
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import (
@@ -28,6 +28,7 @@ from flexfem.mechanism.outlines import (
     Segment,
     area_moments,
     disc,
+    inertia_of,
     offset,
     polyline,
     reverse,
@@ -35,7 +36,7 @@ from flexfem.mechanism.outlines import (
 )
 from flexfem.mechanism.profiles import Circular
 from flexfem.paper.designs import stage_frames
-from flexfem.paper.frames import CHAIN_TURN, turned
+from flexfem.paper.frames import CHAIN_TURN
 from flexfem.paper.stage_file import CHAINS, HINGE_NAMES, Hinge, StageContent, key_of
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
@@ -387,20 +388,6 @@ def hub_moments(stage: StageContent) -> Array:
     """Area moments (3,), mm^2 to mm^4, of the hub."""
     r = stage.platform.hub_radius
     return np.array([math.pi * r**2, 0.0, math.pi * r**4 / 2])
-
-
-def inertia_of(moments: AnyArray, areal: Array | float) -> Array:
-    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies for a motion x, y, theta of the
-    origin.
-
-    moments : (..., 3), area integrals of 1, z and |z|^2, mm^2 to mm^4.   areal : (...), mass per
-    area, tonne/mm^2."""
-    values = np.moveaxis(moments * np.asarray(areal)[..., None], -1, 0)
-    mass, x, second = values.real
-    y = values[1].imag
-    zero = np.zeros_like(mass)
-    rows = [[mass, zero, -y], [zero, mass, x], [-y, x, second]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def mass_per_area(stage: StageContent) -> float:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array, Index
-from flexfem.fem.elements import Plate, integration, nodal_stress, von_mises
+from flexfem.arrays import Array, Index, turned
+from flexfem.fem.elements import Plate, highest_stress, integration, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.response import Response, clamped_nodes, factorised_whole, resultants_of
 from flexfem.fem.structure import NONE, Structure, structure
@@ -20,7 +20,7 @@ from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.paper.bodies import BODIES
 from flexfem.paper.contacts import Push, Stack, body_forces
 from flexfem.paper.designs import stage_frames
-from flexfem.paper.frames import CHAIN_TURN, chain_rotation, turned
+from flexfem.paper.frames import CHAIN_TURN, chain_rotation
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import plate_of
 
@@ -30,7 +30,6 @@ RIGID = (
 )  # distances from a base hinge, per radius, between which its two bodies count as rigid
 CORNER = 0.2  # share of a clamped edge excluded at both ends: stress at its corners is singular
 FORCE_QUADRATURE = 8  # degree for stack forces, whose density is not polynomial in a triangle
-LARGEST = 4_000_000  # stress components computed at once
 
 
 def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
@@ -77,20 +76,6 @@ def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
     highest = by_height.max(axis=-1)
     height = heights[by_height.argmax(axis=-1)]
     return NeckStress(np.moveaxis(highest, 2, 0), np.moveaxis(height, 2, 0))
-
-
-def highest_stress(stress: Array, loads: Array, ratio: float) -> Array:
-    """Highest von Mises stress (n, m), MPa, at every height, under multiples (n, c) of cases of
-    stress (c, p, ...).
-    """
-    parts = []
-    size = max(1, LARGEST // stress[0].size)
-    for start in range(0, max(1, len(loads)), size):
-        parts.append(
-            von_mises(np.tensordot(loads[start : start + size], stress, axes=1), ratio).max(axis=1)
-        )
-    highest = np.concatenate(parts)
-    return highest if highest.ndim == 2 else highest[:, None]
 
 
 def notch_fields(

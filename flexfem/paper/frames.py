@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, rotation, turned
 
 CHAIN_TURN = 2.0 * np.pi / 3.0  # rad, from a chain to the next
 
@@ -57,18 +57,5 @@ def direction(angle: Array) -> Array:
 
 
 def chain_rotation(chain: int) -> Array:
-    """Matrix (3, 3) that maps x, y, theta of a chain (from 0), in the frame of chain 1, to the
-    frame of the stage.
-    """
-    c = np.cos(chain * CHAIN_TURN)
-    s = np.sin(chain * CHAIN_TURN)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def turned(points: Array, angle: Array | float) -> Array:
-    """Return points (..., 2) rotated about the origin by `angle` (...), rad."""
-    c = np.cos(angle)
-    s = np.sin(angle)
-    return np.stack(
-        [c * points[..., 0] - s * points[..., 1], s * points[..., 0] + c * points[..., 1]], axis=-1
-    )
+    """Matrix (3, 3) that maps x, y, theta of a chain (from 0) to the frame of the stage."""
+    return rotation(chain * CHAIN_TURN)

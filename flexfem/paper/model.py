@@ -15,7 +15,7 @@ from flexfem.hinges import chart, formulas
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.choice import CALIBRATED as CALIBRATED
 from flexfem.hinges.choice import DEFAULT_FORMULA as DEFAULT_FORMULA
-from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
+from flexfem.hinges.strength import Wrench, neck_stress, raised_in_depth, raised_in_plane
 from flexfem.mechanism.feasibility import Broken, check_closed_form
 from flexfem.mechanism.mechanism import located
 from flexfem.mechanism.profiles import Concentration
@@ -199,6 +199,18 @@ def at_necks(frames: Frames, wrenches: Array) -> Wrench:
     c = np.cos(frames.axes)[..., None]
     s = np.sin(frames.axes)[..., None]
     return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y, c * F_y - s * F_x)
+
+
+def stress_raised(designs: Designs) -> Concentration:
+    """Return the largest von Mises stress at the necks of n designs over that of a straight bar.
+
+    Its fields are (n, 3 chains, 3 hinges).
+    """
+    ratio = designs.neck / designs.radius
+    if designs.plane == "corrected":
+        depth_ratio = designs.thickness[:, None, None] / designs.neck
+        return raised_in_depth(ratio, depth_ratio, designs.poissons_ratio[:, None, None])
+    return raised_in_plane(ratio, designs.out_of_plane[:, None, None])
 
 
 def at_rest(

@@ -26,8 +26,9 @@ from flexfem.analytic import network
 from flexfem.analytic.network import Dynamics
 from flexfem.arrays import Array
 from flexfem.hinges.chart import Compliance
-from flexfem.hinges.strength import neck_stress, stress_raised
+from flexfem.hinges.strength import neck_stress
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.outlines import inertia_of
 from flexfem.paper import bodies as drawn
 from flexfem.paper.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
 from flexfem.paper.designs import Designs, lower, stage_frames
@@ -35,7 +36,14 @@ from flexfem.paper.drives import drive_of
 from flexfem.paper.equations import Freedoms
 from flexfem.paper.frames import Frames, chain_rotation, direction
 from flexfem.paper.links import bar_density, body_compliance
-from flexfem.paper.model import JOINTS, LINK_BODIES, AnalyticResult, at_necks, network_of
+from flexfem.paper.model import (
+    JOINTS,
+    LINK_BODIES,
+    AnalyticResult,
+    at_necks,
+    network_of,
+    stress_raised,
+)
 from flexfem.paper.stage import CHAINS, Stage
 from flexfem.refused import BadInput
 
@@ -223,9 +231,7 @@ def dynamics(
 def mass_matrix(stage: Stage, payload: drawn.Payload) -> Array:
     """Return the mass matrix (21, 21) of the moving bodies of one stage, about the platform centre."""
     areal = drawn.mass_per_area(stage)
-    bodies = drawn.inertia_of(
-        drawn.body_moments(stage), np.full((len(CHAINS), PLATFORM + 1), areal)
-    )
+    bodies = inertia_of(drawn.body_moments(stage), np.full((len(CHAINS), PLATFORM + 1), areal))
     platform = bodies[:, PLATFORM].sum(axis=0) + drawn.carried(stage, payload)
     return network.block_diagonal(np.stack([platform, *bodies[:, list(LINKS)].reshape(-1, 3, 3)]))
 

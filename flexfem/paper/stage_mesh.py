@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from flexfem.arrays import Array
-from flexfem.fem.elements import Layers, Plate, mirrored
+from flexfem.arrays import turned
+from flexfem.fem.elements import Layers, Plate
 from flexfem.fem.mesh import (
     RESOLUTION,
     SAME_PLACE,
@@ -28,30 +28,25 @@ from flexfem.fem.mesh import (
     nodes_on,
     welded,
 )
-from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_jobs
+from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_mesher
+from flexfem.fem.ports import layers_of_layout
+from flexfem.fem.sizes import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, first_good, smaller_at
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.layout import Move
 from flexfem.mechanism.mechanism import Mechanism, located
 from flexfem.mechanism.outlines import Face, area
 from flexfem.paper.bodies import draw_sector, necks
-from flexfem.paper.frames import CHAIN_TURN, turned
+from flexfem.paper.frames import CHAIN_TURN
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_file import Hinge
 from flexfem.refused import BadInput, ComputationFailed
 
-TIME_LIMIT = 60.0  # s, for meshing one sector
-COARSEST = 2.0  # local thickness that sets the triangle size far from the necks, per link width
 # distance from a neck up to which triangles are smallest, per sqrt(t R), where a notch bends
 PLATEAU = 0.9
-GROWTH = 1.6  # of the triangle size with the distance from a neck, times the triangles across it
 # distance, per notch radius, up to which the thickness `t + d^2/R` grows slower than a cone
 SLENDER = 0.3
 STUBBY = 0.5  # t/R above which the notch radius, not the neck, sets the triangle size
 ATTEMPTS = 5  # to mesh sectors
-SMALLER = 0.3  # size of triangles in place of poor ones, per longest side
-SLOPE = 0.4  # growth of their size with the distance, as with 4 triangles across a neck
-PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch follows the cone of its neck
 
 
 def mesh_sectors(
@@ -75,7 +70,8 @@ def mesh_sectors(
     ]
     distinct = [keys.index(key) for key in dict.fromkeys(keys)]
     jobs = [sector_drawing(stage, chains[k], across[chains[k] - 1], max(across)) for k in distinct]
-    meshed = _meshed(jobs, time_limit)
+    limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
+    meshed = [_meshed(job, limit) for job in jobs]
     sectors = tuple(meshed[distinct.index(keys.index(key))] for key in keys)
     for sector, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
         ahead = sector.mesh.nodes[sector.ahead]
@@ -85,42 +81,21 @@ def mesh_sectors(
     return sectors
 
 
-def _meshed(
-    jobs: list[FaceMesh], time_limit: float | Limit, attempts: int = ATTEMPTS
-) -> list[Sector]:
-    """Return the sectors, after poor triangles from another attempt with smaller ones at their
-    places.
-    """
-    sectors = list[Sector]()
-    changed = list[FaceMesh]()
-    for job, arrays in zip(jobs, run_jobs(jobs, time_limit), strict=True):
-        try:
-            sectors.append(_sector(job, arrays))
-            changed.append(job)
-        except PoorTriangles as poor:
-            if attempts == 1:
-                raise
-            coarse = max((one.largest for one in job.gradings), default=0.0)
-            changed.append(
-                job._replace(gradings=[*job.gradings, *smaller_at(poor.corners, coarse)])
-            )
-    return sectors if len(sectors) == len(jobs) else _meshed(changed, time_limit, attempts - 1)
+def _meshed(job: FaceMesh, time_limit: Limit) -> Sector:
+    """Return a sector; in place of poor triangles there are smaller ones in another attempt."""
+
+    def mesh(job: FaceMesh) -> Sector:
+        return _sector(job, run_mesher(job, time_limit))
+
+    return first_good(job, mesh, _next_attempt, ATTEMPTS)
 
 
-def smaller_at(corners: Array, coarse: float, moves: Sequence[Move] = ()) -> list[Grading]:
-    """Return the sizes of smaller triangles at the places of some, and at the images of these
-    places.
-
-    corners : (n, 3, 2), mm, of the triangles.   coarse : largest size, mm.
-    """
-    found = list[Grading]()
-    for triangle in corners @ [1, 1j]:
-        longest = float(np.abs(triangle - np.roll(triangle, 1)).max())
-        size = SMALLER * longest
-        largest = max(coarse, longest)
-        places = [move(complex(triangle.mean())) for move in (Move(), *moves)]
-        found.append(Grading(places, longest, size, largest, (largest - size) / SLOPE))
-    return found
+def _next_attempt(job: FaceMesh, failure: ComputationFailed) -> FaceMesh | None:
+    """Return the drawing for another attempt after poor triangles, None after other failures."""
+    if not isinstance(failure, PoorTriangles):
+        return None
+    coarse = max((one.largest for one in job.gradings), default=0.0)
+    return job._replace(gradings=[*job.gradings, *smaller_at(failure.corners, coarse)])
 
 
 def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:
@@ -225,11 +200,6 @@ def sheet_of(stage: Stage) -> Plate:
     return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
 
 
-def layers_of(plate: Mechanism, number: int, antisymmetric: bool = False) -> Layers:
-    """Return layers graded for the narrowest neck, for motion in the plane or, antisymmetric, out
-    of it.
-    """
-    thickness = plate.layout.thickness
-    necks = (joint.profile.neck for joint in plate.layout.joints)
-    layers = mirrored(thickness, number, min(necks, default=thickness))
-    return layers.antisymmetric if antisymmetric else layers
+def layers_of(stage: Mechanism, number: int, antisymmetric: bool = False) -> Layers:
+    """Return the layers of `layers_of_layout` for a stage."""
+    return layers_of_layout(stage.layout, number, antisymmetric)

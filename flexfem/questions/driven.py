@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index, inverse
-from flexfem.hinges.strength import stress_raised
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.paper.designs import Designs
 from flexfem.paper.drives import ActuatorSet
-from flexfem.paper.model import at_necks
+from flexfem.paper.model import at_necks, stress_raised
 from flexfem.questions.warnings import YIELD_MARGIN
 from flexfem.refused import BadInput, ComputationFailed
 

@@ -29,7 +29,7 @@ from flexfem.mechanism.mechanism import Mechanism, located
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.paper.designs import Designs, lower
 from flexfem.paper.fields import notch_fields
-from flexfem.paper.model import CALIBRATED, AnalyticResult, analyse
+from flexfem.paper.model import CALIBRATED, AnalyticResult, analyse, stress_raised
 from flexfem.paper.stage import Stage
 from flexfem.questions import finite, plates, setup
 from flexfem.questions import warnings as warning
@@ -114,7 +114,7 @@ def by_wrenches(designs: Designs, wrench: Wrench, motion: CyclicMotion) -> Stres
     the necks.
     """
     bending, along = strength.surface_stress(
-        wrench, designs.neck, designs.thickness, strength.stress_raised(designs)
+        wrench, designs.neck, designs.thickness, stress_raised(designs)
     )
     sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
     part = (

@@ -27,7 +27,14 @@ from flexfem.fem.elements import Layers
 from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.fem.ports import PlateModel, held_nodes, hinge_stress, plate_model, plate_modes
+from flexfem.fem.ports import (
+    PlateModel,
+    held_nodes,
+    hinge_stress,
+    layers_of_layout,
+    plate_model,
+    plate_modes,
+)
 from flexfem.fem.response import Response
 from flexfem.fem.thickness import FEW_LAYERS, MANY_LAYERS, ThickHinge, thick_hinges
 from flexfem.files.tables import once
@@ -37,7 +44,6 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.paper.fields import neck_stresses
 from flexfem.paper.stage import Stage
-from flexfem.paper.stage_mesh import layers_of as layers_of_plate
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import (
     HELD,
@@ -175,7 +181,7 @@ def meshed(plate: Mechanism, resolution: int) -> StageMesh:
 
 def layers_of(plate: Mechanism, number: int) -> Layers | None:
     """Return layers graded for the narrowest neck; None for number 0, in the plane."""
-    return layers_of_plate(plate, number) if number else None
+    return layers_of_layout(plate.layout, number) if number else None
 
 
 @once

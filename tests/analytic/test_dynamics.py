@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from flexfem.paper.bodies import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
+from flexfem.mechanism.outlines import inertia_of
+from flexfem.paper.bodies import Payload, body_moments, drawn_inertia, mass_per_area
 from flexfem.paper.equations import first_order, resting, stiffness
 from flexfem.paper.model import analyse, assemble
 from flexfem.paper.responses import dynamics

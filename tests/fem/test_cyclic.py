@@ -9,13 +9,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from flexfem.arrays import turned
 from flexfem.fem.mesh import StageMesh, joined
 from flexfem.fem.response import Response, platform_response, unit_response
 from flexfem.fem.structure import Structure
 from flexfem.fem.symmetry import chain_values
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.paper.fields import base_rotations, envelope, neck_stresses
-from flexfem.paper.frames import CHAIN_TURN, chain_rotation, turned
+from flexfem.paper.frames import CHAIN_TURN, chain_rotation
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import mesh_sectors, plate_of
 from flexfem.refused import ComputationFailed

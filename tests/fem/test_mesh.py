@@ -15,6 +15,7 @@ import pytest
 from scipy.spatial import KDTree
 
 import flexfem.fem.mesh
+from flexfem.arrays import turned
 from flexfem.fem import mesher
 from flexfem.fem.mesh import StageMesh, check_triangles, jacobians, scaled_jacobians
 from flexfem.fem.mesher import FaceMesh, run_mesher
@@ -23,7 +24,7 @@ from flexfem.mechanism.outlines import area
 from flexfem.mechanism.plate import plate_polygon
 from flexfem.paper.bodies import BODIES, draw_sector
 from flexfem.paper.designs import stage_frames
-from flexfem.paper.frames import CHAIN_TURN, turned
+from flexfem.paper.frames import CHAIN_TURN
 from flexfem.paper.stage import HINGE_NAMES
 from flexfem.paper.stage_mesh import build_mesh
 from flexfem.refused import BadInput, ComputationFailed

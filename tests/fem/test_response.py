@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import flexfem.fem.response
+from flexfem.arrays import turned
 from flexfem.fem.elements import Plate
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import ordered
@@ -18,7 +19,7 @@ from flexfem.fem.response import factorised_whole, platform_response
 from flexfem.fem.structure import NONE, structure
 from flexfem.paper.designs import stage_frames
 from flexfem.paper.fields import neck_maxima, neck_stresses, neck_wrenches
-from flexfem.paper.frames import chain_rotation, turned
+from flexfem.paper.frames import chain_rotation
 from flexfem.paper.stage import load_stage
 from flexfem.paper.stage_mesh import plate_of
 from flexfem.refused import ComputationFailed

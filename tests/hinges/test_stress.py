@@ -4,15 +4,13 @@ forces of a chain.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hinge_charts import SingleHinge, hinge_mesh
 
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import nodes_on
-from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
+from flexfem.hinges.strength import Wrench, neck_stress, raised_in_plane
 from flexfem.mechanism.profiles import Concentration, concentration
 from flexfem.paper.frames import Frames
 from flexfem.paper.model import at_necks
@@ -27,13 +25,7 @@ def raised(radius: np.ndarray, neck: np.ndarray, pull: float = 0.0) -> Concentra
     """Concentrations (3, 3) of one design in a plane with the stress `pull` of that along the neck
     across it.
     """
-    one = {
-        "radius": radius[None],
-        "neck": neck[None],
-        "out_of_plane": np.array([pull]),
-        "plane": "plane_strain",
-    }
-    return Concentration(*(part[0] for part in stress_raised(SimpleNamespace(**one))))
+    return raised_in_plane(neck / radius, np.array(pull))
 
 
 def single(moment: float, normal: float) -> Wrench:

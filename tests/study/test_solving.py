@@ -156,9 +156,7 @@ def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch)
             raise ComputationFailed("no mesh")
         return mesh_faces(job)
 
-    monkeypatch.setattr(
-        flexfem.paper.stage_mesh, "run_jobs", lambda jobs, limit: [meshed_once(job) for job in jobs]
-    )
+    monkeypatch.setattr(flexfem.paper.stage_mesh, "run_mesher", lambda job, limit: meshed_once(job))
     rows = answer(loaded, 0, 4)
     assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]
     assert (
