@@ -15,23 +15,21 @@ from types import FrameType, TracebackType
 from typing import Any
 
 EVERY = 10.0  # s between two progress lines
-COMMANDS = re.compile(
-    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]"
-)  # control characters
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 IMPORTER = "<frozen importlib._bootstrap>"  # file name in frames of the import system
-LOOK = 0.02
-PATIENCE = 2.0  # s between two checks whether an import has ended, and its longest duration
+LOOK = 0.02  # s between two checks whether an import has ended
+PATIENCE = 2.0  # s for an import to end
 ENDING = 5.0  # s for a stopped command to end; after that the next signal ends it at once
+HAS_TIMER = sys.platform != "win32"
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal stopped the command; `code` is 128 plus the signal number. A note on it replaces its
-    message.
-    """
+    """A signal stopped the command; `code` is 128 plus its number. A note replaces its message."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
-        self.code, self.asked = 128 + number, time.monotonic()
+        self.code = 128 + number
+        self.asked = time.monotonic()
 
 
 class Plain:
@@ -44,15 +42,13 @@ class Plain:
     def __init__(self, raw: Any, silent: bool) -> None:
         self.raw = raw
         self._silent = silent
-        if hasattr(raw, "reconfigure"):
-            raw.reconfigure(
-                errors="backslashreplace"
-            )  # characters that the encoding of the terminal lacks
+        if hasattr(raw, "reconfigure"):  # characters that the encoding of the terminal lacks
+            raw.reconfigure(errors="backslashreplace")
 
     def write(self, text: str) -> int:
         """Write text with escaped control characters, except new lines and tabs."""
         with self._lossless():
-            self.raw.write(COMMANDS.sub(lambda found: repr(found[0])[1:-1], text))
+            self.raw.write(CONTROL.sub(lambda found: repr(found[0])[1:-1], text))
         return len(text)
 
     def flush(self) -> None:
@@ -86,15 +82,13 @@ def open_streams() -> None:
             os.fstat(stream)
         except OSError:
             opened = os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, this one
-            os.set_inheritable(
-                opened, True
-            )  # for child processes, whose pipes would get its number
+            # for child processes, whose pipes would get its number
+            os.set_inheritable(opened, True)
 
 
 @contextmanager
 def plain_streams() -> Iterator[None]:
-    """Escape control characters on standard output and error, and ignore write errors on standard
-    error.
+    """Escape control characters on standard output and error; ignore write errors on the latter.
 
     Warnings of libraries are printed on one line, without their place in the code.
     """
@@ -118,64 +112,71 @@ def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
         print(f"flexfem: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
-@contextmanager
-def stoppable() -> Iterator[list[Stopped]]:
-    """Raise Stopped at the first stop signal, and yield a list that then contains it.
+class _StopHandlers:
+    """Handlers of stop signals; `raised` contains the first stop.
 
     A running import is finished first, because interrupted libraries print messages or stay half
-    loaded. Where no exception can be raised, it is raised a moment later. Further signals are
-    ignored for `ENDING` s."""
-    raised: list[Stopped] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield raised
-        return
+    loaded. Where no exception can be raised, such as in C code, it is raised a moment later.
+    """
 
-    def stop(number: int, frame: FrameType | None) -> None:
-        if not raised:
-            raised.append(Stopped(number))
-            end(number, frame)
-        elif time.monotonic() - raised[0].asked > ENDING:
+    def __init__(self) -> None:
+        self.raised: list[Stopped] = []
+
+    def stop(self, number: int, frame: FrameType | None) -> None:
+        """Raise Stopped at the first signal; ignore further ones for `ENDING` s, then end at once."""
+        if not self.raised:
+            self.raised.append(Stopped(number))
+            self._end(number, frame)
+        elif self._since_asked > ENDING:
             os._exit(128 + number)
 
-    def end(number: int, frame: FrameType | None) -> None:
-        if (
-            sys.platform != "win32"
-            and _imports(frame)
-            and time.monotonic() - raised[0].asked < PATIENCE
-        ):
-            end_soon()
-        else:
-            raise raised[0]
-
-    def end_soon() -> None:
-        signal.signal(signal.SIGALRM, end)
-        signal.setitimer(signal.ITIMER_REAL, LOOK)
-
-    def unraisable(lost: Any) -> None:
-        """Raise a stop again that was lost where no exception can be raised, such as in C code."""
+    def unraisable(self, lost: Any) -> None:
+        """Raise a stop again that was lost where no exception can be raised."""
         if not isinstance(lost.exc_value, Stopped):
             sys.__unraisablehook__(lost)
-        elif sys.platform != "win32":
-            end_soon()
+        elif HAS_TIMER:
+            self._end_soon()
 
-    taken = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
-    before = {number: signal.getsignal(number) for number in taken}
+    @property
+    def _since_asked(self) -> float:
+        return time.monotonic() - self.raised[0].asked
+
+    def _end(self, number: int, frame: FrameType | None) -> None:
+        if HAS_TIMER and _imports(frame) and self._since_asked < PATIENCE:
+            self._end_soon()
+        else:
+            raise self.raised[0]
+
+    def _end_soon(self) -> None:
+        signal.signal(signal.SIGALRM, self._end)
+        signal.setitimer(signal.ITIMER_REAL, LOOK)
+
+
+@contextmanager
+def stoppable() -> Iterator[list[Stopped]]:
+    """Raise Stopped at the first stop signal, and yield a list that then contains it."""
+    handlers = _StopHandlers()
+    if threading.current_thread() is not threading.main_thread():
+        yield handlers.raised
+        return
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if hasattr(signal, "SIGHUP"):
+        numbers.append(signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in numbers}
     hook = sys.unraisablehook
-    sys.unraisablehook = unraisable
-    for number in taken:
+    sys.unraisablehook = handlers.unraisable
+    for number in numbers:
         if before[number] is not signal.SIG_IGN:  # nohup, and background jobs of a shell
-            signal.signal(number, stop)
+            signal.signal(number, handlers.stop)
     try:
-        yield raised
+        yield handlers.raised
     finally:
         sys.unraisablehook = hook
-        if not raised:  # otherwise the handlers stay until the process ends
+        if not handlers.raised:  # otherwise the handlers stay until the process ends
             for number, handler in before.items():
                 signal.signal(number, handler)
-        elif sys.platform != "win32":
-            signal.setitimer(
-                signal.ITIMER_REAL, 0
-            )  # the command ended before the next check: its own exit code counts
+        elif HAS_TIMER:  # the command ended before the next check: its own exit code counts
+            signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def _imports(frame: FrameType | None) -> bool:
@@ -206,11 +207,10 @@ def reason_of(error: BaseException) -> str:
     if isinstance(error, ImportError):
         return f"a library cannot be loaded: {what}"
     frame = deepest(error)
-    where = (
-        f" ({os.path.basename(frame.tb_frame.f_code.co_filename)}, line {frame.tb_lineno})"
-        if frame
-        else ""
-    )
+    where = ""
+    if frame is not None:
+        file = os.path.basename(frame.tb_frame.f_code.co_filename)
+        where = f" ({file}, line {frame.tb_lineno})"
     return (
         f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows "
         "the traceback"
@@ -223,7 +223,8 @@ def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], No
 
     A terminal shows a spinner, removed at the end. Other streams get a line for each message at
     least `pause` s after the last line, and a line with the time whenever `EVERY` s have passed
-    without one."""
+    without one.
+    """
     stream = sys.stderr.raw if isinstance(sys.stderr, Plain) else sys.stderr
     if stream.isatty():
         from rich.console import Console
@@ -245,9 +246,8 @@ def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], No
     def remind() -> None:
         while not ended.wait(EVERY):
             if time.monotonic() - latest >= EVERY:
-                print(
-                    f"{description}: {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True
-                )
+                seconds = time.monotonic() - began
+                print(f"{description}: {seconds:.0f} s", file=sys.stderr, flush=True)
 
     thread = threading.Thread(target=remind, daemon=True)
     thread.start()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import hashlib
 import os
@@ -21,7 +22,7 @@ from flexfem.mechanism.materials import REGISTERED
 from flexfem.results import number
 from flexfem.study.collect import read_table
 
-from .conftest import ROOT, with_changes
+from .conftest import ROOT, syntax_of, with_changes
 from .tolerances import DENSE
 
 REFERENCE = ROOT / "geometry" / "mobility6.toml"
@@ -69,6 +70,18 @@ def test_type_checkers_know_the_result_of_a_question_about_a_mechanism_and_about
         "8",
         "9",
     ] and "Unexpected keyword" in errors[1], said
+
+
+def test_the_table_of_names_and_the_imports_for_type_checkers_agree():
+    nodes = syntax_of(ROOT / "flexfem/__init__.py").body
+    (checking,) = [node for node in nodes if isinstance(node, ast.If)]
+    imported = {
+        alias.asname: node.module.removeprefix("flexfem.")
+        for node in checking.body
+        for alias in node.names
+    }
+    assert imported == flexfem.MODULES | flexfem.OTHERS
+    assert not set(flexfem.MODULES) & set(flexfem.OTHERS)
 
 
 def test_import_and_names_load_nothing_that_computes():

@@ -14,7 +14,8 @@ from docutils import nodes
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from flexfem.commands.cli import GROUPS, app  # noqa: E402
+from flexfem.commands.catalogue import GROUPS  # noqa: E402
+from flexfem.commands.cli import app  # noqa: E402
 from flexfem.files.provenance import is_assumed  # noqa: E402
 from flexfem.files.writing import markdown_table  # noqa: E402
 from flexfem.mechanism.actuators import catalogue  # noqa: E402
