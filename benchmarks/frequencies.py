@@ -22,7 +22,7 @@ from random_stages import unlike
 from flexfem.arrays import Array
 from flexfem.fem.modes import modes
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.paper.bodies import Payload
+from flexfem.mechanism.layout import Payload
 from flexfem.paper.model import analyse
 from flexfem.paper.responses import dynamics
 from flexfem.paper.stage import Stage

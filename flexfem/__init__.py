@@ -33,7 +33,6 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.importing.drawings import Reading as Reading
     from flexfem.importing.drawings import import_drawing as import_drawing
     from flexfem.importing.drawings import load as load
-    from flexfem.mechanism.actuators import Actuator as Actuator
     from flexfem.mechanism.materials import Material as Material
     from flexfem.mechanism.materials import materials as materials
     from flexfem.mechanism.materials import register_material as register_material
@@ -41,6 +40,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.mechanism.mechanism_file import MechanismFile as MechanismFile
     from flexfem.page.report import plot_results as plot_results
     from flexfem.page.report import report as report
+    from flexfem.paper.actuators import Actuator as Actuator
     from flexfem.paper.experiment import experiment as experiment
     from flexfem.paper.identify import identify as identify
     from flexfem.paper.models import AnalyticModel as AnalyticModel
@@ -139,7 +139,7 @@ OTHERS = {  # module of names that scripts may use, too; documented in their mod
     "register_formula": "hinges.formulas",
     "Basquin": "hinges.strength",
     "fit_basquin": "hinges.strength",
-    "Actuator": "mechanism.actuators",
+    "Actuator": "paper.actuators",
     "materials": "mechanism.materials",
     "register_material": "mechanism.materials",
     "plot_results": "page.report",

@@ -141,6 +141,11 @@ TIE_TOLERANCE = (
 )
 
 
+def direction(angle: Array) -> Array:
+    """Unit vectors (..., 2) at the angles (...), rad."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
 def is_largest(values: Array, axis: int | tuple[int, ...] | None = None) -> NDArray[np.bool_]:
     """Return where values equal their maximum over the axes (None: over all), up to round-off."""
     return np.asarray(values >= (1 - TIE_TOLERANCE) * np.max(values, axis=axis, keepdims=True))

@@ -33,8 +33,9 @@ from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import paths_in, read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.hinges.choice import CALIBRATED, DEFAULT_FORMULA
+from flexfem.mechanism.loading import load
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile, load
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import components, plate_polygon
 from flexfem.paper.case import LoadedCase
 from flexfem.paper.stage import Stage

@@ -17,16 +17,17 @@ import ezdxf
 from flexfem import arguments
 from flexfem.fem.mesher import PlateSolid, run_mesher
 from flexfem.fem.plate_mesh import plate_contours, regions_of
+from flexfem.files.provenance import assumptions_said
 from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
-from flexfem.mechanism.drawing import LETTER, Dimensions, Part, cut_path, dimensions_of
+from flexfem.mechanism.contours import Part, cut_path
+from flexfem.mechanism.dimensions import LETTER, Dimensions
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism, of_stage
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.outlines import Segment, area, circle_of, disc, reverse
 from flexfem.paper.stage import Stage
-from flexfem.paper.stage_file import assumptions_said
 from flexfem.refused import BadInput, ComputationFailed
 
 FORMATS = (".dxf", ".svg", ".step")
@@ -150,7 +151,7 @@ def export(
             notes.append(
                 f"{WIRE}: centre line of a cut {kerf:.6g} mm wide, the wire plus its spark gap"
             )
-        sheet = sheet_of(layout, part, wire, dimensions_of(stage, layout), notes)
+        sheet = sheet_of(layout, part, wire, stage.dimensions(layout), notes)
         text = svg_text(sheet) if target.suffix == ".svg" else dxf_text(sheet)
         write_atomically(target, lambda file: file.write(text.encode()))
         layers = [*sheet.paths]

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 from flexfem.arguments import integer
 from flexfem.arrays import brief
+from flexfem.files.provenance import assumptions_said
 from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder
-from flexfem.paper.stage_file import assumptions_said
 from flexfem.refused import BadInput
 from flexfem.results import Progress
 from flexfem.study import MOST_WORKERS, REPORTS, run

@@ -16,7 +16,7 @@ import pytest
 import flexfem as api
 from flexfem import paper, questions
 from flexfem.baselines import _compared, _moved, _stored
-from flexfem.paper.bodies import Payload
+from flexfem.mechanism.layout import Payload
 from flexfem.paper.model import CALIBRATED, analyse
 from flexfem.paper.responses import dynamics
 from flexfem.questions.plates import network

@@ -77,7 +77,7 @@ def show(found: Any, as_json: bool) -> None:
 
 def _print(found: Any) -> None:
     """Print a result, a named tuple or a text, then its warnings and the counts of assumptions."""
-    from flexfem.paper.stage_file import assumptions_said
+    from flexfem.files.provenance import assumptions_said
 
     out = _console()
     warnings = getattr(found, "warnings", [])

@@ -15,10 +15,11 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array
 from flexfem.design.requirements import MASS, SCATTERED, Free, LoadedRequirements
 from flexfem.design.scatter import REFUSED, NeckScatter
-from flexfem.mechanism.feasibility import check_feasible, conditions
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.bodies import drawn_inertia
 from flexfem.paper.designs import Designs
 from flexfem.paper.equations import freedoms_of
+from flexfem.paper.feasibility import conditions
 from flexfem.paper.model import at_rest, hinge_compliances
 from flexfem.paper.stage import Stage
 from flexfem.questions.bands import error_matrix

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, Field, field_validator, model_validator
@@ -112,6 +112,24 @@ def assumptions(files: Iterable[tuple[str, Sourced]]) -> Assumptions:
         sorted(assumed),
         sorted({f"{prefix}{key}" for prefix, file in found for key in file.not_stated}),
     )
+
+
+def assumptions_said(
+    assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers "
+) -> list[str]:
+    """Sentences with the count of assumed numbers and of numbers without a stated source; no
+    sentence for zero.
+    """
+    verbs = (
+        (assumed, ("is assumed", "are assumed")),
+        (not_stated, ("has no stated source", "have no stated source")),
+    )
+    return [counted(len(keys), *(of + verb for verb in both)) for keys, both in verbs if keys]
+
+
+def counted(count: int, singular: str, plural: str) -> str:
+    """Return a count with the singular or plural text: "1 number is", "2 numbers are"."""
+    return f"{count} {singular if count == 1 else plural}"
 
 
 def is_assumed(source: str) -> bool:

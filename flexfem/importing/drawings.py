@@ -20,10 +20,10 @@ from flexfem.importing.found import FoundPlate
 from flexfem.importing.roles import Roles, Wishes, actuator_of, body_shape, point_of, roles_of
 from flexfem.importing.write import Heading, WrittenMechanism, in_order, written
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.loading import load as load_file
 from flexfem.mechanism.materials import materials
 from flexfem.mechanism.mechanism import Mechanism, Origin
 from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.mechanism.mechanism_file import load as load_file
 from flexfem.mechanism.outlines import area
 from flexfem.refused import BadInput
 

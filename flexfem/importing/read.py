@@ -22,7 +22,7 @@ from flexfem.importing.smooth import SmoothLoop, smoothed
 from flexfem.importing.step import read_step
 from flexfem.importing.svg import read_svg
 from flexfem.importing.units import DrawingUnit
-from flexfem.mechanism.drawing import Part, cut_path
+from flexfem.mechanism.contours import Part, cut_path
 from flexfem.mechanism.outlines import Segment, circle_of, reverse
 from flexfem.refused import BadInput
 

@@ -189,6 +189,22 @@ class PayloadMass(NamedTuple):
     inertia: float
 
 
+class Payload(NamedTuple):
+    """Payload of the platform, with its centre of mass at the platform centre and in the mid-plane.
+
+    mass : tonne.   inertia, tilting : tonne mm^2, about the normal of the stage and about every
+    axis in its mid-plane."""
+
+    mass: float = 0.0
+    inertia: float = 0.0
+    tilting: float = 0.0
+
+    @property
+    def matrix(self) -> Array:
+        """Mass matrix (3, 3), tonne, tonne mm^2, at the platform centre."""
+        return np.diag([self.mass, self.mass, self.inertia])
+
+
 class ActuatorSet(NamedTuple):
     """The stacks (n) of a stage, or the actuators of a mechanism, and the commands (m) that drive
     them.

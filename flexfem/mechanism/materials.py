@@ -398,3 +398,17 @@ def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any
         "material": available[name].numbers(by_alias=True),
         "provenance": sources | stated,
     }
+
+
+class Frame(Table):
+    """The frame to which a mechanism is fixed: its coefficient of linear thermal expansion, 1/K.
+
+    None stands for the coefficient of the mechanism.
+    """
+
+    expansion: quantities.FrameExpansion | None = Field(
+        default=None, alias="expansion_um_per_m_k", examples=[12.0]
+    )
+    """Coefficient of linear thermal expansion of the frame; by default the frame is assumed to
+    expand like the stage
+    """

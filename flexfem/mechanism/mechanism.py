@@ -26,11 +26,14 @@ from flexfem.files.refusals import (
     shown,
     suggestion,
 )
-from flexfem.files.tables import KEPT, Unchangeable, plain
+from flexfem.files.tables import KEPT, Unchangeable, once, plain
 from flexfem.files.toml import PathLike, bad_key, in_mm, paths_in, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
+from flexfem.mechanism.dimensions import Callout, Dimensions, Span, hinge_callouts, placed
+from flexfem.mechanism.keys import PARAMETERS, Key
 from flexfem.mechanism.layout import Constants, Layout
 from flexfem.mechanism.materials import Material, sources_of, with_changes, with_material_of_file
+from flexfem.mechanism.plate import check_layout
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 
@@ -140,12 +143,37 @@ class Mechanism(Sourced):
         """Lever, mm: a rotation times it is comparable with a translation."""
         return self.layout.lever
 
-    def require_feasible(self) -> None:
-        """Raise BadInput for a mechanism that cannot be made; drawing the layout refuses others."""
-
     def replace(self, **changes: Any) -> Self:
         """Return a changed mechanism. Raises BadInput."""
         raise NotImplementedError
+
+    def check(self) -> None:
+        """Raise BadInput, with key, value and expectation, for a mechanism that cannot be made."""
+        with located(self):
+            _check_parts(self)
+
+    def spans(self, layout: Layout) -> list[Span]:
+        """Return the dimensioned lengths of a drawing of a layout of this mechanism."""
+        return []
+
+    def callouts(self, layout: Layout) -> list[Callout]:
+        """Return the texts of a workshop drawing of a layout of this mechanism."""
+        return hinge_callouts(layout)
+
+    def dimensions(self, layout: Layout) -> Dimensions:
+        """Return dimensions and texts of a workshop drawing, placed clear of each other.
+
+        layout : of this mechanism, perhaps with further holes.
+        """
+        return placed(layout, self.spans(layout), self.callouts(layout))
+
+    def expected_of(self, key: Key) -> str | None:
+        """Return what is expected instead of a key of a study that sets nothing here, else None."""
+        if key.places_in(self):
+            return None
+        parameters: Mapping[str, float] = getattr(self, "parameters", {})
+        known = ", ".join(f"{PARAMETERS[0]}.{name}" for name in parameters) or "it has none"
+        return f"a parameter of the mechanism ({known})"
 
     def answering(self, question: str) -> Callable[..., Any] | None:
         """Return the function that answers a question in the way of this kind of file, if there is one.
@@ -305,6 +333,11 @@ class Mechanism(Sourced):
     def __hash__(self) -> int:
         """Hash consistently with equality, so that a plate can be a key."""
         return hash(self.hash)
+
+
+@once
+def _check_parts(mechanism: Mechanism) -> None:
+    check_layout(mechanism.layout)
 
 
 def _sources_of_parts(data: Any) -> dict[str, str]:

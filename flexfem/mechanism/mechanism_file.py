@@ -17,10 +17,9 @@ from pydantic import BaseModel, Field, ModelWrapValidatorHandler, model_validato
 
 from flexfem.files.expressions import Evaluated, names_in, parameter_values
 from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
-from flexfem.files.refusals import key_path, nearest, place_of, shown, suggestion
+from flexfem.files.refusals import key_path, nearest, shown, suggestion
 from flexfem.files.tables import UNCHANGEABLE, Label, Unchangeable, once
-from flexfem.files.toml import PathLike, kind_of, read_toml
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.files.toml import PathLike
 from flexfem.mechanism.layout import (
     Body,
     Constants,
@@ -31,7 +30,7 @@ from flexfem.mechanism.layout import (
     Patch,
     PayloadMass,
 )
-from flexfem.mechanism.materials import Material
+from flexfem.mechanism.materials import Frame, Material
 from flexfem.mechanism.mechanism import Mechanism as Mechanism
 from flexfem.mechanism.mechanism import located, read_plate
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
@@ -47,8 +46,6 @@ from flexfem.mechanism.parts import (
 )
 from flexfem.mechanism.profiles import BadDimension, profile_of
 from flexfem.mechanism.scans import with_scanned_tables
-from flexfem.paper.stage import Stage, load_feasible
-from flexfem.paper.stage_file import Frame
 from flexfem.refused import BadInput
 from flexfem.units import without_unit
 
@@ -139,7 +136,7 @@ class MechanismFile(Mechanism):
                     f"{key_path(('parameters', key))} is an unknown parameter{near}",
                     str(changed.origin),
                 )
-        check_feasible(changed)
+        changed.check()
         return changed
 
     @property
@@ -205,25 +202,9 @@ def load_mechanism(path: PathLike) -> MechanismFile:
     """Read a mechanism file. Raises BadInput, naming file, line, key, value and expectation, for
     invalid content.
     """
-    check_feasible(mechanism := read_mechanism(path))
+    mechanism = read_mechanism(path)
+    mechanism.check()
     return mechanism
-
-
-def load(path: PathLike) -> Mechanism:
-    """Read and check a stage file or a mechanism file, whichever its keys show.
-
-    Raises BadInput, one line with file, line, key and expected value.
-
-    Examples
-    --------
-    >>> import flexfem
-    >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
-    (30.0, 32.0, 24.0)
-    """
-    kind = kind_of(read_toml(path).data, Stage.kind) or Stage.kind
-    if kind not in (Stage.kind, MechanismFile.kind):
-        raise BadInput(f"{place_of(path)}: this is a {kind}, expected a stage or mechanism file")
-    return load_mechanism(path) if kind == MechanismFile.kind else load_feasible(path)
 
 
 class PlacedPart(NamedTuple):

@@ -315,16 +315,6 @@ def area_moments(loop: Iterable[Segment]) -> AnyArray:
     return integrals(z, w / np.array([2, 3, 4, 4, 5])[:, None])
 
 
-def integrals(z: AnyArray, weights: Array) -> AnyArray:
-    """Integrals (5,) of 1, z, |z|^2, z^2 and |z|^2 z from points (n,), complex, and weights (5, n)
-    or (n,).
-    """
-    square = np.abs(z) ** 2
-    return np.asarray(
-        np.sum(np.stack([np.ones_like(z), z, square, z**2, square * z]) * weights, axis=1)
-    )
-
-
 def inertia_of(moments: AnyArray, areal: Array | float) -> Array:
     """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies for a motion x, y, theta of the
     origin.
@@ -337,6 +327,16 @@ def inertia_of(moments: AnyArray, areal: Array | float) -> Array:
     zero = np.zeros_like(mass)
     rows = [[mass, zero, -y], [zero, mass, x], [-y, x, second]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def integrals(z: AnyArray, weights: Array) -> AnyArray:
+    """Integrals (5,) of 1, z, |z|^2, z^2 and |z|^2 z from points (n,), complex, and weights (5, n)
+    or (n,).
+    """
+    square = np.abs(z) ** 2
+    return np.asarray(
+        np.sum(np.stack([np.ones_like(z), z, square, z**2, square * z]) * weights, axis=1)
+    )
 
 
 def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArray:

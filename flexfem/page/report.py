@@ -19,7 +19,7 @@ from flexfem import studies
 from flexfem.arrays import Array
 from flexfem.design.result import Designed, is_design, read_design
 from flexfem.files.inputs import require_unread
-from flexfem.files.provenance import is_assumed
+from flexfem.files.provenance import assumptions_said, counted, is_assumed
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
@@ -42,7 +42,6 @@ from flexfem.page.section import (
 from flexfem.page.study import Part, study_parts
 from flexfem.paper.responses import require_expansion
 from flexfem.paper.stage import Stage
-from flexfem.paper.stage_file import assumptions_said, counted
 from flexfem.paper.verification import Verification
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure

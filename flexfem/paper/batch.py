@@ -11,8 +11,8 @@ from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.fem.modes import modes
 from flexfem.fem.response import Response, heat_response, unit_response
 from flexfem.hinges.chart import Compliance
+from flexfem.mechanism.layout import Payload
 from flexfem.paper import fields
-from flexfem.paper.bodies import Payload
 from flexfem.paper.designs import Designs, envelope, lower
 from flexfem.paper.equations import Freedoms
 from flexfem.paper.model import at_rest

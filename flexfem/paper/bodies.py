@@ -15,13 +15,12 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import product
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array, turned
 from flexfem.files.tables import once
-from flexfem.mechanism.layout import Body, Joint, Layout, Patch
+from flexfem.mechanism.layout import Body, Joint, Layout, Patch, Payload
 from flexfem.mechanism.outlines import (
     Face,
     Pose,
@@ -355,22 +354,6 @@ def _platform_outline(stage: StageContent) -> list[Segment]:
         rim = Segment(right[-1].end, following[-1].end, 0j)
         outline += [*reverse(left), face, *right, rim]
     return outline
-
-
-class Payload(NamedTuple):
-    """Payload of the platform, with its centre of mass at the platform centre and in the mid-plane.
-
-    mass : tonne.   inertia, tilting : tonne mm^2, about the normal of the stage and about every
-    axis in its mid-plane."""
-
-    mass: float = 0.0
-    inertia: float = 0.0
-    tilting: float = 0.0
-
-    @property
-    def matrix(self) -> Array:
-        """Mass matrix (3, 3), tonne, tonne mm^2, at the platform centre."""
-        return np.diag([self.mass, self.mass, self.inertia])
 
 
 @once

@@ -17,8 +17,8 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.mechanism.actuators import BODY_NAMES, Body
 from flexfem.mechanism.outlines import Segment
+from flexfem.paper.actuators import BODY_NAMES, Body
 from flexfem.paper.bodies import centrelines
 from flexfem.paper.frames import chain_rotation
 from flexfem.paper.stage_file import CHAINS, HINGE_NAMES, StageContent

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import Array, Index, direction
 from flexfem.files.tables import once
-from flexfem.mechanism.actuators import ActuatorNumbers
-from flexfem.paper.frames import Frames, direction, frames
+from flexfem.paper.actuators import ActuatorNumbers
+from flexfem.paper.frames import Frames, frames
 from flexfem.paper.stage_file import CHAINS, Plane, StageContent, actuators_of, hinges_of
 
 SHARED = ("plane", "prismatic")  # fields without a leading axis of designs

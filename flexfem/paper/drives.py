@@ -12,8 +12,11 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.tables import once
-from flexfem.mechanism.actuators import (
-    BLOCKING_ROUND_OFF,
+from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
+from flexfem.mechanism.layout import ActuatorSet as ActuatorSet
+from flexfem.mechanism.mechanism import located
+from flexfem.mechanism.outlines import Segment
+from flexfem.paper.actuators import (
     BODY_NAMES,
     ENDS,
     GEOMETRY,
@@ -21,9 +24,6 @@ from flexfem.mechanism.actuators import (
     ActuatorNumbers,
     series_stiffness,
 )
-from flexfem.mechanism.layout import ActuatorSet as ActuatorSet
-from flexfem.mechanism.mechanism import located
-from flexfem.mechanism.outlines import Segment
 from flexfem.paper.bodies import FILLET, centrelines, draw_sector
 from flexfem.paper.contacts import Push, Stack, nearest, placed_stack, wrench_of
 from flexfem.paper.designs import Designs, lower

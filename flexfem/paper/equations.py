@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.analytic.network import freedom_motions
-from flexfem.arrays import Array, Index, inverse
+from flexfem.arrays import Array, Index, direction, inverse
 from flexfem.hinges.chart import Compliance
-from flexfem.paper.frames import Frames, direction
+from flexfem.paper.frames import Frames
 from flexfem.refused import BadInput
 
 CHAINS = 3

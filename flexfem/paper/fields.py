@@ -16,7 +16,7 @@ from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.response import Response, clamped_nodes, factorised_whole, resultants_of
 from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.fem.symmetry import chain_values
-from flexfem.mechanism.actuators import HINGE_NAMES
+from flexfem.paper.actuators import HINGE_NAMES
 from flexfem.paper.bodies import BODIES
 from flexfem.paper.contacts import Push, Stack, body_forces
 from flexfem.paper.designs import stage_frames

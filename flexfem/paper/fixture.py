@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import Array, Index, direction
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import (
     Angle,
@@ -40,7 +40,6 @@ from flexfem.files.quantities import (
 from flexfem.files.refusals import checked_path, place_of, refusal
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import KINDS, read_toml, validate
-from flexfem.paper.frames import direction
 from flexfem.refused import BadInput
 
 SHEAR = 10 / 9  # shear coefficient of a round section, by the energy of the parabolic shear stress

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array, rotation, turned
+from flexfem.arrays import Array, direction, rotation, turned
 
 CHAIN_TURN = 2.0 * np.pi / 3.0  # rad, from a chain to the next
 
@@ -49,11 +49,6 @@ def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) 
     turns = CHAIN_TURN * np.arange(3.0)
     axis = axis + np.where(backwards, np.pi, 0.0) + turns[:, None]
     return Frames(turned(centres[..., None, :, :], turns[:, None]), axis)
-
-
-def direction(angle: Array) -> Array:
-    """Unit vectors (..., 2) at the angles (...), rad."""
-    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def chain_rotation(chain: int) -> Array:

@@ -16,7 +16,6 @@ from flexfem.hinges.chart import Compliance
 from flexfem.hinges.choice import CALIBRATED as CALIBRATED
 from flexfem.hinges.choice import DEFAULT_FORMULA as DEFAULT_FORMULA
 from flexfem.hinges.strength import Wrench, neck_stress, raised_in_depth, raised_in_plane
-from flexfem.mechanism.feasibility import Broken, check_closed_form
 from flexfem.mechanism.mechanism import located
 from flexfem.mechanism.profiles import Concentration
 from flexfem.paper.designs import Designs, lower, stage_frames
@@ -30,6 +29,7 @@ from flexfem.paper.equations import (
     stiffness,
 )
 from flexfem.paper.equations import mobility as mobility_of
+from flexfem.paper.feasibility import Broken, check_closed_form
 from flexfem.paper.frames import Frames
 from flexfem.paper.links import body_compliance
 from flexfem.paper.stage_file import HINGE_NAMES, Plane, key_of

@@ -14,8 +14,9 @@ from flexfem.arguments import forces, poses
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
-from flexfem.mechanism.feasibility import check_closed_form, check_feasible
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.equations import apply
+from flexfem.paper.feasibility import check_closed_form
 from flexfem.paper.fields import neck_stresses, plane_stress
 from flexfem.paper.model import DEFAULT_FORMULA, AnalyticResult, ModelChoice, choose
 from flexfem.paper.model import analyse as analyse_stage

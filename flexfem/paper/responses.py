@@ -24,9 +24,10 @@ import numpy as np
 
 from flexfem.analytic import network
 from flexfem.analytic.network import Dynamics
-from flexfem.arrays import Array
+from flexfem.arrays import Array, direction
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import neck_stress
+from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import inertia_of
 from flexfem.paper import bodies as drawn
@@ -34,7 +35,7 @@ from flexfem.paper.contacts import LINKS, PLATFORM, Push, Stack, Station, share_
 from flexfem.paper.designs import Designs, lower, stage_frames
 from flexfem.paper.drives import drive_of
 from flexfem.paper.equations import Freedoms
-from flexfem.paper.frames import Frames, chain_rotation, direction
+from flexfem.paper.frames import Frames, chain_rotation
 from flexfem.paper.links import bar_density, body_compliance
 from flexfem.paper.model import (
     JOINTS,
@@ -213,7 +214,7 @@ def distal_share(push: Push, link: int, at: Array) -> Array:
 
 
 def dynamics(
-    stage: Stage, model: AnalyticResult, payload: drawn.Payload, stacks: tuple[Stack, ...] = ()
+    stage: Stage, model: AnalyticResult, payload: Payload, stacks: tuple[Stack, ...] = ()
 ) -> Dynamics:
     """Return the dynamics of one stage by an analytic model, of the twists of platform, then link 1
     and link 2 of every chain, at the platform centre. The openings of `stacks` are appended to the
@@ -228,7 +229,7 @@ def dynamics(
     )
 
 
-def mass_matrix(stage: Stage, payload: drawn.Payload) -> Array:
+def mass_matrix(stage: Stage, payload: Payload) -> Array:
     """Return the mass matrix (21, 21) of the moving bodies of one stage, about the platform centre."""
     areal = drawn.mass_per_area(stage)
     bodies = inertia_of(drawn.body_moments(stage), np.full((len(CHAINS), PLATFORM + 1), areal))
@@ -260,7 +261,7 @@ def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
 
 
 def under_weight(
-    stage: Stage, model: AnalyticResult, payload: drawn.Payload, gravity: Array
+    stage: Stage, model: AnalyticResult, payload: Payload, gravity: Array
 ) -> tuple[Array, Array]:
     """Return the pose (3,) and the highest neck stress (3 chains, 3 hinges), MPa, of a stage under
     its own weight.

@@ -11,13 +11,16 @@ from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import key_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
-from flexfem.mechanism.actuators import Actuator
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.dimensions import Callout, Span
+from flexfem.mechanism.keys import Key
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import located, read_plate
+from flexfem.paper.actuators import Actuator
 from flexfem.paper.bodies import stage_layout
 from flexfem.paper.designs import Elastic, lower
+from flexfem.paper.drawing import stage_callouts, stage_spans
 from flexfem.paper.drives import drive_of
+from flexfem.paper.feasibility import check_closed_form
 from flexfem.paper.stage_file import CHAINS as CHAINS
 from flexfem.paper.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.paper.stage_file import Hinge as Hinge
@@ -66,7 +69,7 @@ class Stage(StageContent):
         flexfem.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide ...
         """
         changed = self._replaced(changes)
-        check_feasible(changed)
+        changed.check()
         if changed.actuator and ("actuator" in changes or changed.override != self.override):
             drive_of(changed)  # refuses a contact off its body
         return changed
@@ -76,9 +79,27 @@ class Stage(StageContent):
         """Lever, mm: the distance l3 from the platform hinges to the centre of the platform."""
         return self.chain.link_lengths[2]
 
-    def require_feasible(self) -> None:
-        """Raise BadInput for a stage that cannot be made."""
-        check_feasible(self)
+    def check(self) -> None:
+        """Raise BadInput, with key, value and expectation, for a stage that cannot be made."""
+        check_closed_form(self)
+        super().check()
+
+    def spans(self, layout: Layout) -> list[Span]:
+        """Return the lengths of chain 1 for a drawing of a layout of this stage."""
+        return stage_spans(self, layout)
+
+    def callouts(self, layout: Layout) -> list[Callout]:
+        """Return the texts of a workshop drawing of a layout of this stage."""
+        return stage_callouts(self, layout)
+
+    def expected_of(self, key: Key) -> str | None:
+        """Return what is expected instead of a key of an actuator that sets nothing, else None."""
+        if not key.of_drive or key.places_in(self):
+            return None
+        names = ", ".join(actuator.name for actuator in self.actuator) or "it has none"
+        return (
+            f"a number that an actuator of the stage ({names}) states and that no override replaces"
+        )
 
     def answering(self, question: str) -> Callable[..., Any] | None:
         """Return the function of the paper's room that answers a question, if there is one."""
@@ -212,7 +233,7 @@ def load_feasible(path: PathLike) -> Stage:
     driven.
     """
     stage = load_stage(path)
-    check_feasible(stage)
+    stage.check()
     if stage.actuator:
         drive_of(stage)  # refuses a contact off its body
     return stage

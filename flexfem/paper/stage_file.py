@@ -7,20 +7,21 @@ become radians)."""
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationError, create_model, model_validator
 from pydantic.fields import FieldInfo
 
-from flexfem.files.quantities import Angle, FrameExpansion, Length
+from flexfem.files.quantities import Angle, Length
 from flexfem.files.refusals import KeyPath, key_path, nearest, problems_of, refusal, shown
 from flexfem.files.tables import Label, Table, once, plain
-from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
-from flexfem.mechanism.actuators import Actuator, RatedActuator
-from flexfem.mechanism.actuators import HingeName as HingeName
-from flexfem.mechanism.materials import Material
+from flexfem.mechanism.actuators import RatedActuator
+from flexfem.mechanism.materials import Frame, Material
 from flexfem.mechanism.mechanism import Mechanism, merged_tables
+from flexfem.paper.actuators import HINGE_NAMES as HINGE_NAMES
+from flexfem.paper.actuators import Actuator
+from flexfem.paper.actuators import HingeName as HingeName
 from flexfem.refused import BadInput
 
 Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
@@ -86,19 +87,6 @@ class Platform(Table):
     """
 
 
-class Frame(Table):
-    """The frame to which the pads are clamped: coefficient of linear thermal expansion, 1/K; None
-    for the stage's.
-    """
-
-    expansion: FrameExpansion | None = Field(
-        default=None, alias="expansion_um_per_m_k", examples=[12.0]
-    )
-    """Coefficient of linear thermal expansion of the frame; by default the frame is assumed to
-    expand like the stage
-    """
-
-
 OF_HINGES = tuple(Hinge.model_fields)  # attributes that changes may name without the table
 Place: TypeAlias = tuple[int | str, ...]
 Overridden = TypeVar("Overridden", bound=Table)
@@ -129,24 +117,6 @@ def of_heat(key: str) -> bool:
         re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"'))
         is not None
     )
-
-
-def assumptions_said(
-    assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers "
-) -> list[str]:
-    """Sentences with the count of assumed numbers and of numbers without a stated source; no
-    sentence for zero.
-    """
-    verbs = (
-        (assumed, ("is assumed", "are assumed")),
-        (not_stated, ("has no stated source", "have no stated source")),
-    )
-    return [counted(len(keys), *(of + verb for verb in both)) for keys, both in verbs if keys]
-
-
-def counted(count: int, singular: str, plural: str) -> str:
-    """Return a count with the singular or plural text: "1 number is", "2 numbers are"."""
-    return f"{count} {singular if count == 1 else plural}"
 
 
 class _Target(Table):

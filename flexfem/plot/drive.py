@@ -16,8 +16,8 @@ from matplotlib.patches import Circle, Patch, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from flexfem.arrays import Array
-from flexfem.mechanism.actuators import BODY_NAMES
 from flexfem.mechanism.plate import body_polygon, extent, plate_polygon
+from flexfem.paper.actuators import BODY_NAMES
 from flexfem.paper.drives import drive_of
 from flexfem.paper.frames import CHAIN_TURN
 from flexfem.paper.stage import Stage

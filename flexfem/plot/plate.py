@@ -17,7 +17,7 @@ from matplotlib.patches import Circle, PathPatch, Wedge
 from matplotlib.path import Path
 
 from flexfem.arrays import Array
-from flexfem.mechanism.drawing import Span, labels_of, spans_of
+from flexfem.mechanism.dimensions import Span
 from flexfem.mechanism.layout import Body, Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
@@ -115,7 +115,7 @@ def plot_plate(
     layout = layout or plate.layout
     rim = draw_plate(ax, plate, layout)
     shape = plate_polygon(layout)
-    spans = spans_of(stage, layout, shape) if stage else []
+    spans = stage.spans(layout) if stage else []
     visible = [contact.point for _, contact in layout.points] + [
         z.point for a in layout.actuators for z in a.contacts
     ]
@@ -136,7 +136,7 @@ def plot_plate(
         marks = [_with_dimensions(mark, plate, layout) for mark in marks]
     if stage:
         marks = [
-            Mark(text, np.array(xy(anchor)), DIMENSION) for text, anchor in labels_of(stage, layout)
+            Mark(text, np.array(xy(anchor)), DIMENSION) for text, anchor in stage.callouts(layout)
         ]
     obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
     letters = 7.0 if len(marks) > MANY else 8.0

@@ -19,7 +19,7 @@ from matplotlib.path import Path
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.refusals import shown
-from flexfem.mechanism.drawing import clearest
+from flexfem.mechanism.dimensions import clearest
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.stage import CHAINS, Stage
 from flexfem.paper.verification import CurveModels, HingeDrawing

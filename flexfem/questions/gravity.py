@@ -20,9 +20,10 @@ from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.ports import hinge_stress
 from flexfem.fem.response import factorised_whole
 from flexfem.fem.structure import mass_of, structure
+from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.paper.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
+from flexfem.paper.bodies import carried, carried_out_of_plane, drawn_inertia
 from flexfem.paper.fields import neck_maxima
 from flexfem.paper.model import analyse
 from flexfem.paper.responses import under_weight

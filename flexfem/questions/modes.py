@@ -25,17 +25,17 @@ from flexfem.fem.modes import VibratingStructure, lowest, stage_modes, vibrating
 from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.ports import plate_modes
 from flexfem.fem.structure import mass_of, structure
+from flexfem.files.provenance import counted
 from flexfem.files.writing import replacing, write_atomically
+from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.paper import bodies
-from flexfem.paper.bodies import Payload
 from flexfem.paper.drives import ActuatorSet, drive_of
 from flexfem.paper.fields import stack_loads
 from flexfem.paper.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.paper.responses import dynamics
 from flexfem.paper.stage import Stage
-from flexfem.paper.stage_file import counted
 from flexfem.paper.stage_mesh import build_mesh, layers_of, plate_of, sheet_of
 from flexfem.questions import plates, preloaded
 from flexfem.questions import warnings as warning

@@ -96,7 +96,7 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
         for name, value in given.items():
             check_word(name, value, hints().get(name))
         if isinstance(mechanism, Mechanism):
-            mechanism.require_feasible()
+            mechanism.check()
         if own is not None:
             accepted = inspect.signature(own).parameters
             taken = {name: given[name] for name in list(given)[1:] if name in accepted}

@@ -18,16 +18,17 @@ from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.files.refusals import suggestion
 from flexfem.files.toml import bad_key
 from flexfem.hinges.strength import KEY, required_law
-from flexfem.mechanism.feasibility import Broken, check_feasible, conditions
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.keys import LIFE_CONSTANTS, keys
+from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.paper import responses
 from flexfem.paper.batch import LOWEST, batch_at_rest, solved_design
-from flexfem.paper.bodies import Payload
 from flexfem.paper.drives import drive_of, drives_of
 from flexfem.paper.equations import freedoms_of, mobility
+from flexfem.paper.feasibility import Broken, conditions
 from flexfem.paper.links import body_compliance, edge_motions
 from flexfem.paper.model import analyse, hinge_compliances, in_range, invalid_hinges
 from flexfem.paper.stage import Stage

@@ -24,8 +24,9 @@ from flexfem.files.toml import PathLike, bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.keys import PARAMETERS, Key, keys
+from flexfem.mechanism.loading import load
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile, load
+from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.paper.designs import Designs, lower
 from flexfem.paper.responses import require_expansion
 from flexfem.paper.stage import Stage

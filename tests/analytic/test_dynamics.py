@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.outlines import inertia_of
-from flexfem.paper.bodies import Payload, body_moments, drawn_inertia, mass_per_area
+from flexfem.paper.bodies import body_moments, drawn_inertia, mass_per_area
 from flexfem.paper.equations import first_order, resting, stiffness
 from flexfem.paper.model import analyse, assemble
 from flexfem.paper.responses import dynamics

@@ -18,7 +18,7 @@ import shapely
 import flexfem as api
 from flexfem.cad import write_step
 from flexfem.fem.plate_mesh import plate_contours
-from flexfem.mechanism.drawing import Part, cut_path
+from flexfem.mechanism.contours import Part, cut_path
 from flexfem.mechanism.mechanism_file import read_mechanism
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.plate import clashes

@@ -14,7 +14,7 @@ from flexfem.fem.mesh import StageMesh, joined
 from flexfem.fem.response import Response, platform_response, unit_response
 from flexfem.fem.structure import Structure
 from flexfem.fem.symmetry import chain_values
-from flexfem.mechanism.actuators import HINGE_NAMES
+from flexfem.paper.actuators import HINGE_NAMES
 from flexfem.paper.fields import base_rotations, envelope, neck_stresses
 from flexfem.paper.frames import CHAIN_TURN, chain_rotation
 from flexfem.paper.stage import Stage

@@ -13,7 +13,8 @@ from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import joined
 from flexfem.fem.modes import modes, stage_modes, vibrating_structure
 from flexfem.fem.structure import mass_of, structure
-from flexfem.paper.bodies import Payload, carried_out_of_plane, drawn_inertia
+from flexfem.mechanism.layout import Payload
+from flexfem.paper.bodies import carried_out_of_plane, drawn_inertia
 from flexfem.paper.stage_mesh import layers_of, mesh_sectors, sheet_of
 
 from ..tolerances import SOLVED, SUMS

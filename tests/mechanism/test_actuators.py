@@ -7,7 +7,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.mechanism.actuators import Actuator, catalogue, hertz
+from flexfem.mechanism.actuators import catalogue
+from flexfem.paper.actuators import Actuator, hertz
 from flexfem.paper.drives import contacts, drive_of
 from flexfem.paper.stage import Stage, load_feasible
 from flexfem.questions.driven import Driven

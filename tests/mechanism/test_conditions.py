@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from flexfem.mechanism.feasibility import check_closed_form, conditions
 from flexfem.paper.designs import Designs, lower
+from flexfem.paper.feasibility import check_closed_form, conditions
 from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
 

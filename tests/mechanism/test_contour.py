@@ -13,7 +13,7 @@ from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from flexfem.fem.plate_mesh import plate_contours
-from flexfem.mechanism.drawing import Part, cut_path
+from flexfem.mechanism.contours import Part, cut_path
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import Segment, area, circle_of, polygon_points
 from flexfem.mechanism.plate import plate_polygon

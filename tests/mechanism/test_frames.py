@@ -11,9 +11,10 @@ import pickle
 import numpy as np
 import pytest
 
+from flexfem.arrays import direction
 from flexfem.files.tables import once
 from flexfem.paper.designs import stage_frames
-from flexfem.paper.frames import CHAIN_TURN, direction, frames
+from flexfem.paper.frames import CHAIN_TURN, frames
 from flexfem.paper.stage import HINGE_NAMES, Stage
 
 from ..conftest import StageMaker

@@ -7,14 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.outlines import Segment, area, area_moments, polygon_points, polyline
-from flexfem.paper.bodies import (
-    Payload,
-    body_moments,
-    carried_out_of_plane,
-    draw_sector,
-    drawn_inertia,
-)
+from flexfem.paper.bodies import body_moments, carried_out_of_plane, draw_sector, drawn_inertia
 
 from ..conftest import UNLIKE, with_changes
 

@@ -11,7 +11,7 @@ import pytest
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.paper.bodies import Payload
+from flexfem.mechanism.layout import Payload
 from flexfem.paper.model import analyse
 from flexfem.paper.responses import dynamics
 from flexfem.paper.stage import Stage

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.feasibility import check_closed_form, check_feasible
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.paper.bodies import draw_sector
 from flexfem.paper.designs import stage_frames
 from flexfem.paper.equations import FREEDOMS_BY_MOBILITY, inverse_kinematics, stiffness
+from flexfem.paper.feasibility import check_closed_form
 from flexfem.paper.model import analyse, assemble
 from flexfem.paper.stage_file import Plane
 from flexfem.refused import BadInput

@@ -17,7 +17,8 @@ from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.modes import modes, stage_modes, vibrating_structure
 from flexfem.fem.response import platform_response, unit_response
 from flexfem.fem.structure import mass_of, structure
-from flexfem.paper.bodies import Payload, carried, carried_out_of_plane
+from flexfem.mechanism.layout import Payload
+from flexfem.paper.bodies import carried, carried_out_of_plane
 from flexfem.paper.fields import neck_maxima
 from flexfem.paper.stage import Stage, load_stage
 from flexfem.paper.stage_mesh import build_mesh, layers_of, mesh_sectors, plate_of, sheet_of
