@@ -19,9 +19,9 @@ from random_stages import unlike
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.model import analyse
+from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import Stage
 from flexfem.questions.bands import ORDER, command_convergence, error_matrix
-from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 
 RESOLUTIONS = (4, 6, 8)  # of the default mesh

@@ -17,9 +17,9 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.model import analyse
+from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import grid_convergence
-from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput
 
 RESOLUTIONS = (4, 6, 8)

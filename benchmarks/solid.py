@@ -25,7 +25,7 @@ ORDER = 4.0
 def solved(stage: str, resolution: int, layers: int) -> dict[str, object]:
     """One solution: compliance along x, y, theta, unknowns, s, GB."""
     from flexfem import load
-    from flexfem.questions.bands import solve_solid
+    from flexfem.paper.solutions import solve_solid
 
     of = load(stage)
     started = time.perf_counter()

@@ -19,8 +19,10 @@ from random_stages import unlike
 
 from flexfem.arrays import Array
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.paper.answers import solid_levels
+from flexfem.paper.solutions import solve_solid
 from flexfem.paper.stage import Stage
-from flexfem.questions.bands import ORDER, SolidLevels, solid_bands, solid_levels, solve_solid
+from flexfem.questions.bands import ORDER, SolidLevels, solid_bands
 from flexfem.refused import BadInput, ComputationFailed
 
 RESOLUTION = 4

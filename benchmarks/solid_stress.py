@@ -24,8 +24,8 @@ from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.fields import neck_stresses
 from flexfem.paper.model import analyse
+from flexfem.paper.solutions import solve_solid
 from flexfem.paper.stage import Stage, load_stage
-from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
 
 GEOMETRY = Path(__file__).parent.parent / "geometry"

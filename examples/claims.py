@@ -61,11 +61,12 @@ from flexfem.paper.model import (
     invalid_hinges,
 )
 from flexfem.paper.responses import WarmBodies, WarmModel, drift
+from flexfem.paper.solutions import solve_solid
+from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import HINGE_NAMES, Stage
 from flexfem.paper.stage_mesh import mesh_sectors, plate_of
-from flexfem.questions.bands import error_bands, error_matrix, levels, solve_solid
+from flexfem.questions.bands import error_bands, error_matrix, levels
 from flexfem.questions.budget import SOLID, thick_compliance
-from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 
 try:

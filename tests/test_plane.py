@@ -14,9 +14,9 @@ from flexfem.fem.response import platform_response
 from flexfem.hinges.chart import thickness_factors as factors
 from flexfem.paper.fields import neck_stresses
 from flexfem.paper.model import analyse, hinge_compliance
+from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import Stage, load_stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
-from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput
 
 PATH = Path(__file__).parents[1] / "geometry" / "mobility6.toml"

@@ -13,6 +13,7 @@ from scipy import stats
 
 from flexfem.arrays import Array, inverse
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.paper import warnings as warning
 from flexfem.paper.fixture import (
     Fixture,
     ForceSensor,
@@ -24,9 +25,10 @@ from flexfem.paper.fixture import (
     pushes_of,
 )
 from flexfem.paper.model import DEFAULT_FORMULA, analyse, best_model
+from flexfem.paper.solutions import solved
 from flexfem.paper.stage import Stage
-from flexfem.questions import warnings as warning
-from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, question, solved
+from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, question
+from flexfem.questions.warnings import of_yield
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
@@ -337,7 +339,7 @@ def _warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> list[
         where = f"the largest force in {axis}"
         highest = float(np.max(best.neck_stress(chosen.stage, pose)))
         messages += warning.of_motion(stage, pose, where)
-        messages += warning.of_yield(highest, stage.material.yield_strength, where)
+        messages += of_yield(highest, stage.material.yield_strength, where)
     K = np.diag(inverse(C))
     free = 1 / np.diag(C)
     on_rigid_fixture = 1 / pushes.shares(C)[0]

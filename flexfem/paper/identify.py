@@ -18,12 +18,12 @@ from flexfem.arrays import AnyArray, Array, inverse
 from flexfem.files.refusals import place_of
 from flexfem.hinges.formulas import formula as known
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.paper import warnings as warning
 from flexfem.paper.equations import freedoms_of
 from flexfem.paper.fixture import IDEAL, Fixture, Measurement, measured_of, pushes_of
 from flexfem.paper.links import body_compliance
 from flexfem.paper.model import CALIBRATED, analyse, best_model, stiffness_with_necks
 from flexfem.paper.stage import Stage
-from flexfem.questions import warnings as warning
 from flexfem.questions.setup import about, question
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import Gate, Quantity, Result

@@ -15,15 +15,15 @@ from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.paper import warnings as warning
 from flexfem.paper.equations import apply
 from flexfem.paper.feasibility import check_closed_form
 from flexfem.paper.fields import neck_stresses, plane_stress
 from flexfem.paper.model import DEFAULT_FORMULA, AnalyticResult, ModelChoice, choose
 from flexfem.paper.model import analyse as analyse_stage
+from flexfem.paper.solutions import solved
 from flexfem.paper.stage import Stage
-from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, error_bands, levels
-from flexfem.questions.setup import solved
 from flexfem.results import Fields, number
 
 if TYPE_CHECKING:

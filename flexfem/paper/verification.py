@@ -32,18 +32,22 @@ from flexfem.files.writing import (
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile, load_mechanism
+from flexfem.paper import warnings
+from flexfem.paper.answers import solid_levels
 from flexfem.paper.case import Case, Curve, LoadedCase
 from flexfem.paper.designs import stage_frames
 from flexfem.paper.equilibrium import at_pose, outwards
 from flexfem.paper.fields import neck_maxima, plane_stress
 from flexfem.paper.imposed import commanded_hinges, elements, imposed, imposed_bands
 from flexfem.paper.model import AnalyticResult, analyse, assemble
+from flexfem.paper.solutions import solve_solid, solved
 from flexfem.paper.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.paper.stage_mesh import plate_of, sheet_of
-from flexfem.questions import bands, plates, warnings
+from flexfem.questions import bands, plates
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.drive import limit_warnings
-from flexfem.questions.setup import ModelAnswer, elements_through, question, solved, stack_models
+from flexfem.questions.setup import ModelAnswer, elements_through, question, stack_models
+from flexfem.questions.warnings import of_yield
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
@@ -523,7 +527,7 @@ def _warnings(case: Case, run: CurveRun) -> list[str]:
     found = [f"{where}: {text}" for text in (*warnings.of_result(stage, model), *elements.warnings)]
     highest = float(np.max(elements.neck_stress))
     full = f"{where}, full command"
-    found += warnings.of_yield(highest, stage.material.yield_strength, full)
+    found += of_yield(highest, stage.material.yield_strength, full)
     if case.analysis == "linear":
         found += warnings.of_motion(stage, elements.pose, full)
     for direction, (values, verdict, *_, band) in zip(DIRECTIONS, elements.bands, strict=True):
@@ -616,9 +620,9 @@ def _solve_solid(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> C
     The in-plane mesh error is assumed equal with one layer and with more. The error of the layers
     is bounded by `RelativeError.of_readings` with the change from few layers to more, and is zero
     where symmetry leaves round-off."""
-    response = bands.solve_solid(stage, case.resolution, case.layers)
+    response = solve_solid(stage, case.resolution, case.layers)
     K = model.stiffness
-    bounds = bands.solid_levels(stage, case.resolution, case.layers)
+    bounds = solid_levels(stage, case.resolution, case.layers)
     lever = stage.chain.link_lengths[2]
     many = bounds.planes + (response.compliance - bounds.planes[-1])
     steps = np.array(levels(case.resolution))

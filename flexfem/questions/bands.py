@@ -17,13 +17,8 @@ from scipy.linalg import eigh
 
 from flexfem import arguments
 from flexfem.arrays import Array, is_largest
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
-from flexfem.fem.response import Response, unit_response
-from flexfem.files.tables import once
-from flexfem.mechanism.feasibility import check_feasible
-from flexfem.paper.stage import Stage
-from flexfem.paper.stage_mesh import layers_of, sheet_of
-from flexfem.questions.setup import on_meshes, sectors_of
+from flexfem.paper.solutions import solve_solid as solve_solid
+from flexfem.questions.setup import on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import Progress
 from flexfem.units import DIRECTIONS, Direction
@@ -453,24 +448,6 @@ class SolidLevels(NamedTuple):
         """Change from `few` to `many` layers, times `SAFETY`."""
         lowest, *_, highest = SAFETY * eigh(self.many - self.few, self.many, eigvals_only=True)
         return RelativeError(abs(lowest + highest) / 2, (highest - lowest) / 2)
-
-
-@once
-def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> Response:
-    """Mesh and solve a feasible stage in three dimensions. Raises BadInput, ComputationFailed."""
-    check_feasible(stage)
-    return unit_response(sectors_of(stage, resolution), sheet_of(stage), layers_of(stage, layers))
-
-
-@once
-def solid_levels(stage: Stage, resolution: int, layers: int) -> SolidLevels:
-    """Return compliances that bound the errors of `solve_solid`: each error is measured where the
-    other is coarse.
-    """
-    planes, (few, many) = coarser(
-        lambda level, count: solve_solid(stage, level, count).compliance, resolution, layers
-    )
-    return SolidLevels(np.array(planes), few, many)
 
 
 def coarser(

@@ -10,8 +10,8 @@ from flexfem.arrays import Array
 from flexfem.files.refusals import key_path
 from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.materials import Material
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import plate_mass, size_of, triangles_needed
 from flexfem.paper.designs import envelope, lower
 from flexfem.paper.model import AnalyticResult, analyse, best_model, corrected, in_range
@@ -54,18 +54,13 @@ YIELD_MARGIN: dict[Plane, float] = {"plane_stress": 0.01, "plane_strain": 0.01, 
 STRESS_BELOW = 1.0
 YIELD_STRAIN = (1e-5, 0.2)  # of hinge materials, from soft metals to rubbers
 DENSITIES = (10.0, 23_000.0)  # kg/m^3, foam to osmium
-ACROSS = (
-    1.0,
-    5000.0,
-)  # mm: from the smallest stages cut from sheet to more than the length of plates
+# mm: from the smallest mechanisms cut from sheet to more than the length of plates
+ACROSS = (1.0, 5000.0)
 # size of a plate / thickness / neck: a larger ratio is more likely a number in another unit
 SLENDER = 1000.0
-
-HEAVY = (
-    100.0  # masses of the plate; with a payload in kg for g the ratio is a thousand times too large
-)
-
-UNIT = "is the unit right?"
+# masses of the plate; with a payload in kg for g the ratio is a thousand times too large
+HEAVY = 100.0
+RIGHT_UNIT = "is the unit right?"
 MANY_TRIANGLES = 200_000  # with 8 across the necks; three meshes take more than a minute
 # per cent of the model's own compliance; the paper aims to explain errors of 5 to 10 per cent
 LEFT_OUT = 5.0
@@ -96,11 +91,12 @@ def of_result(stage: Stage, model: AnalyticResult) -> Warnings:
 
 def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
     """Warn of a highest stress above the yield strength, MPa; `where` names the load or command."""
-    return _when(
-        stress > yield_strength,
+    if stress <= yield_strength:
+        return []
+    return [
         f"{where}: the highest stress is {stress:.4g} {STRESS}, beyond the yield strength of "
-        f"{yield_strength:.4g} {STRESS}; the elastic result is not valid there",
-    )
+        f"{yield_strength:.4g} {STRESS}; the elastic result is not valid there"
+    ]
 
 
 def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
@@ -197,29 +193,25 @@ def stiffer_by_thickness(stage: Stage) -> Array | None:
     return np.asarray(100 * (solid / plane - 1))
 
 
-def of_numbers(plate: Mechanism) -> Warnings:
-    """Warn of numbers of a file that are possible, but probably in another unit."""
-    if isinstance(plate, Stage):
-        kind = "stage"
-        across = float(envelope(lower(plate))[0])
-        neck = float(np.min(lower(plate).neck))
-        angles = max(map(abs, plate.chain.joint_angles)) <= np.deg2rad(2 * np.pi)
-    else:
-        kind = "mechanism"
-        across = size_of(plate.layout)
-        angles = False
-        neck = min((joint.profile.neck for joint in plate.layout.joints), default=np.inf)
-    strength = plate.material.yield_strength
-    density = plate.material.density
-    thickness = plate.thickness
-    strain = strength / plate.material.youngs_modulus
+def implausible(
+    kind: str, material: Material, thickness: float, across: float, neck: float
+) -> Warnings:
+    """Warn of the material and the size of a plate that are possible, but probably in another unit.
+
+    kind : what the plate is called.   thickness, across, neck : of the plate, its largest extent
+    and its smallest neck, mm."""
+    strength = material.yield_strength
+    strain = strength / material.youngs_modulus
     flat = f"thickness_mm = {thickness:g} is below a thousandth of"
     plausible = {
         f"material.yield_strength_mpa = {strength:g} is {strain:.2g} of Young's modulus": (
             strain,
             YIELD_STRAIN,
         ),
-        f"material.density_kg_m3 = {density:g} is not that of a solid": (density, DENSITIES),
+        f"material.density_kg_m3 = {material.density:g} is not that of a solid": (
+            material.density,
+            DENSITIES,
+        ),
         f"the {kind} is {short(across, '.3g')} {LENGTH} across": (across, ACROSS),
         f"{flat} the {kind}, {across:.3g} {LENGTH} across": (across / thickness, (0.0, SLENDER)),
         f"neck_mm = {neck:g} is below a thousandth of the thickness, {thickness:g} {LENGTH}": (
@@ -227,31 +219,52 @@ def of_numbers(plate: Mechanism) -> Warnings:
             (0.0, SLENDER),
         ),
     }
-    found = [text for text, (value, (low, high)) in plausible.items() if not low <= value <= high]
-    found += _when(angles, "chain.joint_angles_deg are all within two pi")
-    doubts = [f"{text}: {UNIT}" for text in found]
-    needed = triangles_needed(plate.layout) if isinstance(plate, MechanismFile) else 0.0
+    return [
+        f"{text}: {RIGHT_UNIT}"
+        for text, (value, (low, high)) in plausible.items()
+        if not low <= value <= high
+    ]
+
+
+def of_numbers(plate: Mechanism) -> Warnings:
+    """Warn of numbers of a file that are possible, but probably in another unit."""
+    if isinstance(plate, Stage):
+        return _of_stage_numbers(plate)
+    layout = plate.layout
+    neck = min((joint.profile.neck for joint in layout.joints), default=np.inf)
+    kind = plate.kind.removesuffix(" file")
+    doubts = implausible(kind, plate.material, plate.thickness, size_of(layout), neck)
+    needed = triangles_needed(layout)
     if needed > MANY_TRIANGLES:
         doubts.append(
             f"finite elements need about {needed:.2g} triangles with 8 across the necks, which "
             "take minutes"
         )
-    carried = 0.0 if isinstance(plate, Stage) else sum(load.mass for load in plate.layout.payloads)
-    return doubts + of_payload(plate, carried)
+    return doubts + of_payload(plate, sum(load.mass for load in layout.payloads))
 
 
-def of_payload(plate: Mechanism, mass: float) -> Warnings:
+def _of_stage_numbers(stage: Stage) -> Warnings:
+    design = lower(stage)
+    across = float(envelope(design)[0])
+    neck = float(np.min(design.neck))
+    doubts = implausible("stage", stage.material, stage.thickness, across, neck)
+    if max(map(abs, stage.chain.joint_angles)) <= np.deg2rad(2 * np.pi):
+        doubts.append(f"chain.joint_angles_deg are all within two pi: {RIGHT_UNIT}")
+    return doubts
+
+
+def of_payload(mechanism: Mechanism, mass: float) -> Warnings:
     """Warn of a payload, tonne, that is far heavier than its plate."""
     if mass == 0.0:
         return []
-    layout = plate.layout
-    own = plate_mass(layout)
+    own = plate_mass(mechanism.layout)
     ratio = mass / own
-    text = (
+    if ratio <= HEAVY:
+        return []
+    return [
         f"the payload of {1e3 * mass:.4g} kg is {ratio:.3g} times as heavy as the plate of "
-        f"{1e3 * own:.3g} kg"
-    )
-    return _when(ratio > HEAVY, f"{text}: {UNIT}")
+        f"{1e3 * own:.3g} kg: {RIGHT_UNIT}"
+    ]
 
 
 def of_parameters(mechanism: Mechanism) -> Warnings:

@@ -19,8 +19,8 @@ from flexfem.paper.designs import stage_frames
 from flexfem.paper.equations import freedoms_of
 from flexfem.paper.links import bar_density, body_compliance
 from flexfem.paper.model import analyse, hinge_compliance, network_of
+from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import Stage
-from flexfem.questions.setup import solved as solve_stage
 
 ROOT = Path(__file__).parents[2]
 QUADRATURE = 1e-10  # twelve Gauss points on smooth integrands

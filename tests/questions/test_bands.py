@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from flexfem.paper.model import analyse
+from flexfem.paper.solutions import solve_solid
+from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import Stage
 from flexfem.questions.bands import (
     SolidLevels,
@@ -20,9 +22,7 @@ from flexfem.questions.bands import (
     compliance_bands,
     error_bands,
     solid_bands,
-    solve_solid,
 )
-from flexfem.questions.setup import solved as solve_stage
 
 from ..tolerances import DENSE
 

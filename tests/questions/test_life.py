@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 import flexfem
 from flexfem.commands import cli
 from flexfem.hinges.strength import checked_law, equivalent
+from flexfem.paper.solutions import solved
 from flexfem.plot.experiment import life_figure, plot_life
 from flexfem.questions.life import CyclicMotion, by_elements, by_model, cyclic_motion, factor_at
-from flexfem.questions.setup import solved
 from flexfem.results import ANALYTIC, ELEMENTS
 
 from ..conftest import ROOT

@@ -10,7 +10,7 @@ import pytest
 
 import flexfem
 from flexfem.paper.fields import neck_stresses
-from flexfem.questions.bands import solve_solid
+from flexfem.paper.solutions import solve_solid
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
 from ..tolerances import DENSE, SOLVED

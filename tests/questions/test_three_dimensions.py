@@ -9,8 +9,11 @@ import pytest
 import flexfem
 from flexfem.fem.elements import layered
 from flexfem.fem.export import write_vtu
-from flexfem.questions import bands, warnings
+from flexfem.paper import solutions
+from flexfem.paper.answers import solid_levels
+from flexfem.paper.warnings import held_faces
 from flexfem.questions import stiffness as solid
+from flexfem.questions.bands import solid_bands
 
 from ..tolerances import SOLVED
 from ..validation.vibration import third
@@ -59,16 +62,16 @@ def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fiel
 def test_the_band_of_the_layers_covers_what_they_leave_out(graded, make_stage, monkeypatch):
     """Also where they are not graded, which the band must see."""
     stage = make_stage()
-    many = bands.solve_solid(stage, 2, 6).compliance
+    many = solutions.solve_solid(stage, 2, 6).compliance
     if not graded:
         monkeypatch.setattr(
-            bands,
+            solutions,
             "layers_of",
             lambda of, n: layered(np.linspace(0, of.thickness / 2, n + 1), (0,), 2),
         )
         stage = make_stage()
-    left = np.abs(np.diag(many - bands.solve_solid(stage, 2, 3).compliance))
-    band = np.diag(bands.solid_bands(bands.solid_levels(stage, 4, 3), 4)[1])
+    left = np.abs(np.diag(many - solutions.solve_solid(stage, 2, 3).compliance))
+    band = np.diag(solid_bands(solid_levels(stage, 4, 3), 4)[1])
     relative = band / np.diag(many)
     assert np.all(band > left)
     assert np.all((relative < 2e-3) if graded else (relative > 2e-3))
@@ -77,16 +80,16 @@ def test_the_band_of_the_layers_covers_what_they_leave_out(graded, make_stage, m
 def test_a_stage_that_holds_its_faces_has_them_free_here(make_stage):
     held = make_stage({"model": "plane_strain"})
     free = make_stage()
-    clamped, loose = (bands.solve_solid(each, 2, 1).compliance for each in (held, free))
+    clamped, loose = (solutions.solve_solid(each, 2, 1).compliance for each in (held, free))
     np.testing.assert_allclose(clamped, loose, rtol=SOLVED, atol=1e-12)
-    assert warnings.held_faces(free) == []
-    (said,) = warnings.held_faces(held)
+    assert held_faces(free) == []
+    (said,) = held_faces(held)
     assert "they are free" in said
 
 
 def test_plane_problems_that_bound_it_are_on_the_same_mesh(make_stage):
     stage = make_stage({"material.poissons_ratio": 0.0})
-    found = bands.solve_solid(stage, 2, 1)
+    found = solutions.solve_solid(stage, 2, 1)
     for each in solid.bounding(stage, found):  # three points of quadrature, not six
         np.testing.assert_allclose(np.diag(each), np.diag(found.compliance), rtol=5e-4)
 
@@ -96,4 +99,4 @@ def test_too_many_unknowns_are_refused_before_anything_is_factorised(make_stage,
     with pytest.raises(
         flexfem.ComputationFailed, match="unknowns in three dimensions, expected at most 1e"
     ):
-        bands.solve_solid(make_stage(), 2, 1)
+        solutions.solve_solid(make_stage(), 2, 1)

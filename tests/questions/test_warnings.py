@@ -11,10 +11,11 @@ import pytest
 
 import flexfem
 from flexfem.hinges.formulas import FORMULAS
+from flexfem.paper import warnings as of_paper
 from flexfem.paper.model import analyse
+from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import load_stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.setup import solved as solve_stage
 
 from ..conftest import ROOT
 
@@ -36,38 +37,38 @@ def test_yield_is_exceeded_just_beyond_the_yield_strength():
 def test_a_displacement_is_far_beyond_a_tenth_of_the_shortest_link_or_of_a_radian():
     stage = load_stage(SIX)
     for pose in ([2.39, -2.39, 0.0], [0.0, 0.0, -0.099]):
-        assert warning.of_motion(stage, np.array(pose), "here") == []
+        assert of_paper.of_motion(stage, np.array(pose), "here") == []
     for pose in ([0.0, -2.41, 0.0], [0.0, 0.0, -0.101]):
-        assert len(warning.of_motion(stage, np.array(pose), "here")) == 1
+        assert len(of_paper.of_motion(stage, np.array(pose), "here")) == 1
 
 
 @pytest.mark.parametrize("name", ["mobility3", "mobility6"])
 def test_the_reference_stages_earn_no_warning(name):
     stage = load_stage(ROOT / f"geometry/{name}.toml")
     for mobility in (3, 6, 12, 21):
-        assert warning.of_model(stage, analyse(stage, mobility)) == []
-    assert warning.of_formula(stage, "paros-weisbord") == []
+        assert of_paper.of_model(stage, analyse(stage, mobility)) == []
+    assert of_paper.of_formula(stage, "paros-weisbord") == []
 
 
 def test_a_formula_out_of_its_range_is_said_with_the_hinges(stage):
     # t/R = 0.125 at the base, 0.333 at the others
-    (said,) = warning.of_formula(stage, "schotborgh")
+    (said,) = of_paper.of_formula(stage, "schotborgh")
     assert (
         "schotborgh" in said
         and "0.02 to 0.3" in said
         and "0.333 (elbow hinges, platform hinges)" in said
     )
-    assert warning.of_formula(stage, "koster") == []
+    assert of_paper.of_formula(stage, "koster") == []
     worn = stage.replace(override={(2, "base"): {"neck": 2.0, "radius": 3.4}})
-    assert warning.of_formula(worn, "wu-zhou") == []
-    (said,) = warning.of_formula(worn, "paros-weisbord-short")
+    assert of_paper.of_formula(worn, "wu-zhou") == []
+    (said,) = of_paper.of_formula(worn, "paros-weisbord-short")
     assert "base hinges" in said and "0.125 to 0.588" in said
 
 
 def test_nearly_straight_chains_are_said_with_what_finite_elements_find(project):
     stage = bent(project, 2.0)
     model = analyse(stage, 3, "calibrated")
-    (said,) = warning.of_model(stage, model)
+    (said,) = of_paper.of_model(stage, model)
     elements = solve_stage(stage, 3).compliance
     softer = float(re.search(r"([\d.]+) % softer in (x|y|theta)", said)[1])
     axis = ("x", "y", "theta").index(re.search(r"softer in (\w+)", said)[1])
@@ -76,7 +77,7 @@ def test_nearly_straight_chains_are_said_with_what_finite_elements_find(project)
         100 * (elements[axis, axis] / model.compliance[axis, axis] - 1), rel=0.02
     )
     assert "nearly in line (elbow 2 deg)" in said and "axial freedoms" in said
-    assert warning.of_model(stage, analyse(stage, 21, "calibrated", links=True)) == []
+    assert of_paper.of_model(stage, analyse(stage, 21, "calibrated", links=True)) == []
 
 
 def test_what_is_left_out_counts_from_five_per_cent(project):
@@ -84,7 +85,7 @@ def test_what_is_left_out_counts_from_five_per_cent(project):
     for degrees, count in ((9.5, 1), (11.0, 0)):
         project.path("geometry/mobility6.toml").write_text(SIX.read_text())
         stage = bent(project, degrees)
-        assert len(warning.of_model(stage, analyse(stage, 3))) == count
+        assert len(of_paper.of_model(stage, analyse(stage, 3))) == count
 
 
 def test_a_load_beyond_yield_is_said():
@@ -112,8 +113,8 @@ def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(proje
         stage = load_stage(path)
         elements = flexfem.solve(stage, 5).neck_stress(np.eye(3)).max(axis=(1, 2))
         for formula in ("paros-weisbord", "smith-chetwynd", "koster", "schotborgh", "calibrated"):
-            low, high = warning.STRESS_ABOVE[formula]
-            if warning.of_formula(stage, formula) == []:
+            low, high = of_paper.STRESS_ABOVE[formula]
+            if of_paper.of_formula(stage, formula) == []:
                 above = 100 * (
                     analyse(stage, formula=formula, links=True).stress.max(axis=(0, 1)) / elements
                     - 1
@@ -123,14 +124,14 @@ def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(proje
                     np.testing.assert_allclose(
                         above, {"calibrated": 0.5}.get(formula, 13.9), atol=0.4
                     )
-    assert set(warning.STRESS_ABOVE) == set(FORMULAS)
+    assert set(of_paper.STRESS_ABOVE) == set(FORMULAS)
     for same in ("wu-zhou", "lobontiu", "quadrature"):  # the same beam integrals
-        assert warning.STRESS_ABOVE[same] == warning.STRESS_ABOVE["paros-weisbord"]
-    assert "has not been compared" in warning.stress_accuracy("calibrated", False, "corrected")
+        assert of_paper.STRESS_ABOVE[same] == of_paper.STRESS_ABOVE["paros-weisbord"]
+    assert "has not been compared" in of_paper.stress_accuracy("calibrated", False, "corrected")
 
 
 def test_limits_of_yield_are_below_it_by_what_the_stress_of_driven_stages_may_be_low():
-    assert warning.YIELD_MARGIN == {"plane_stress": 0.01, "plane_strain": 0.01, "corrected": 0.02}
+    assert of_paper.YIELD_MARGIN == {"plane_stress": 0.01, "plane_strain": 0.01, "corrected": 0.02}
 
 
 def test_numbers_more_likely_in_another_unit_are_said(project):
@@ -146,12 +147,12 @@ def test_numbers_more_likely_in_another_unit_are_said(project):
         ("[180.0, -90.0, 90.0]", "[3.1416, -1.5708, 1.5708]", "joint_angles_deg"),
     ):
         project.path("geometry/mobility6.toml").write_text(SIX.read_text())
-        (said,) = warning.of_numbers(
+        (said,) = of_paper.of_numbers(
             load_stage(project.edit("geometry/mobility6.toml", (old, new)))
         )
         assert key in said and said.endswith(": is the unit right?")
-    assert warning.of_numbers(load_stage(SIX)) == []
-    assert warning.of_stage(load_stage(SIX)) == []
+    assert of_paper.of_numbers(load_stage(SIX)) == []
+    assert of_paper.of_stage(load_stage(SIX)) == []
 
 
 def test_a_thickness_or_a_neck_of_a_mechanism_in_another_unit_is_said():
@@ -224,4 +225,4 @@ def test_a_stage_whose_lengths_are_in_metres_or_micrometres_is_said_by_its_size(
         actuator=[],
     )
     found = [f"the stage is {said} mm across: is the unit right?"] if said else []
-    assert warning.of_numbers(other) == found and warning.of_stage(other) == found
+    assert of_paper.of_numbers(other) == found and of_paper.of_stage(other) == found

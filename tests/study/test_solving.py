@@ -16,10 +16,11 @@ from flexfem.fem.mesher import MeshTimeout, mesh_faces
 from flexfem.fem.response import unit_response
 from flexfem.paper.fields import base_rotations, neck_maxima, neck_stresses, plane_stress
 from flexfem.paper.model import analyse
+from flexfem.paper.solutions import solve_solid
+from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import mesh_sectors, plate_of
-from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band, solve_solid
-from flexfem.questions.setup import solved as solve_stage
+from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, solved_values
 from flexfem.study.columns import (
