@@ -16,9 +16,10 @@ from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.importing.departure import drawn_polygon
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, require_no_reading
+from flexfem.mechanism.content import located
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
-from flexfem.mechanism.mechanism import Mechanism, located, of_stage
+from flexfem.mechanism.mechanism import Mechanism, of_stage
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import clashes
 from flexfem.mechanism.unfinished import read_drawable

@@ -19,10 +19,11 @@ from flexfem.importing.departure import Departure, departure, drawn_polygon, fin
 from flexfem.importing.found import FoundPlate
 from flexfem.importing.roles import Roles, Wishes, actuator_of, body_shape, point_of, roles_of
 from flexfem.importing.write import Heading, WrittenMechanism, in_order, written
+from flexfem.mechanism.content import Origin
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.loading import load as load_file
 from flexfem.mechanism.materials import materials
-from flexfem.mechanism.mechanism import Mechanism, Origin
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.outlines import area
 from flexfem.refused import BadInput

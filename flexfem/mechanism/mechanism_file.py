@@ -20,6 +20,8 @@ from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
 from flexfem.files.refusals import key_path, nearest, shown, suggestion
 from flexfem.files.tables import UNCHANGEABLE, Label, Unchangeable, once
 from flexfem.files.toml import PathLike
+from flexfem.mechanism.content import located, read_content
+from flexfem.mechanism.keys import PARAMETERS, Key
 from flexfem.mechanism.layout import (
     Body,
     Constants,
@@ -32,7 +34,6 @@ from flexfem.mechanism.layout import (
 )
 from flexfem.mechanism.materials import Frame, Material
 from flexfem.mechanism.mechanism import Mechanism as Mechanism
-from flexfem.mechanism.mechanism import located, read_plate
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
 from flexfem.mechanism.parts import (
     BodyHole,
@@ -111,7 +112,7 @@ class MechanismFile(Mechanism):
         finally:
             KNOWN.reset(token)
 
-    def replace(self, **changes: Any) -> MechanismFile:
+    def replace(self, **changes: Any) -> Self:
         """Return a changed mechanism, validated; expressions are computed again from the
         parameters.
 
@@ -154,6 +155,18 @@ class MechanismFile(Mechanism):
         return self._digest(set(), exclude_none=True, context=STATED)
 
     @property
+    def numbers_by_parameter(self) -> Mapping[str, float]:
+        """Values of the parameters by key, in the units of their names."""
+        return self.parameters
+
+    def expected_of(self, key: Key) -> str | None:
+        """Return what a study is expected to set instead of a key; None for a key of this file."""
+        if key.places_in(self):
+            return None
+        known = ", ".join(key_path((*PARAMETERS, name)) for name in self.parameters)
+        return f"a parameter of the mechanism ({known or 'it has none'})"
+
+    @property
     def unused_parameters(self) -> tuple[str, ...]:
         """Keys of the parameters on which no number of the mechanism depends."""
         keys = {without_unit(key): key for key in self.parameters}
@@ -176,7 +189,7 @@ class MechanismFile(Mechanism):
             return layout_of(self)
 
 
-Mechanism._drawn = MechanismFile
+Mechanism.usual = MechanismFile
 
 
 def _texts(value: Any) -> Iterator[str]:
@@ -193,7 +206,7 @@ def read_mechanism(path: PathLike) -> MechanismFile:
     """Read a mechanism file whose bodies and hinges need not fit together. Raises BadInput as
     `load_mechanism`.
     """
-    mechanism = read_plate(MechanismFile, path, partial(with_scanned_tables, path))
+    mechanism = read_content(MechanismFile, path, partial(with_scanned_tables, path))
     _ = mechanism.layout
     return mechanism
 

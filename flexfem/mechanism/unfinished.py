@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
+from flexfem.files.inches import in_millimetres
 from flexfem.files.refusals import KeyPath, one_line, path_of, problems_of, sentence
 from flexfem.files.toml import PathLike, TomlFile, read_toml
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.materials import with_material_of_file
-from flexfem.mechanism.mechanism import Mechanism, in_millimetres
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile, layout_of, read_mechanism
 from flexfem.mechanism.plate import ungrounded
 from flexfem.refused import BadInput
@@ -30,12 +31,13 @@ MOST = 10_000  # faults
 
 
 class Unfinished(NamedTuple):
-    """The readable part of a mechanism file, its layout, and a text for everything that is missing
-    or at fault.
+    """The readable part of a file, and a text for everything that is missing or at fault.
+
+    layout : of the readable part; None for the layout of the mechanism.
     """
 
     mechanism: Mechanism
-    layout: Layout
+    layout: Layout | None
     missing: list[str]
 
 

@@ -25,7 +25,8 @@ from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
 from flexfem.importing.drawings import NO_READING, Reading, is_drawing, load, require_no_reading
-from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.content import located
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.page.key import ENDS, SHARES, Ask, opening
 from flexfem.page.section import (

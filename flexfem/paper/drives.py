@@ -13,8 +13,8 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.tables import once
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
+from flexfem.mechanism.content import located
 from flexfem.mechanism.layout import ActuatorSet as ActuatorSet
-from flexfem.mechanism.mechanism import located
 from flexfem.mechanism.outlines import Segment
 from flexfem.paper.actuators import (
     BODY_NAMES,

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from flexfem.arrays import Array
 from flexfem.files.tables import once
-from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.content import located
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.paper.bodies import given_angles
 from flexfem.paper.designs import Designs, lower
 from flexfem.paper.stage_file import HINGE_NAMES, StageContent, key_of

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Any, Self
 
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import key_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
+from flexfem.mechanism.content import located, read_content
 from flexfem.mechanism.dimensions import Callout, Span
 from flexfem.mechanism.keys import Key
 from flexfem.mechanism.layout import Layout
-from flexfem.mechanism.mechanism import located, read_plate
+from flexfem.mechanism.unfinished import Unfinished
 from flexfem.paper.actuators import Actuator
 from flexfem.paper.bodies import stage_layout
 from flexfem.paper.designs import Elastic, lower
@@ -36,7 +37,7 @@ class Stage(StageContent):
     model : plane model; "corrected" uses hinges corrected by three-dimensional analyses, in the
     analytic model only."""
 
-    def replace(self, **changes: Any) -> Stage:
+    def replace(self, **changes: Any) -> Self:
         """Return a changed stage, validated and checked for feasibility; other values stay the same
         bit for bit.
 
@@ -125,6 +126,11 @@ class Stage(StageContent):
         """
         with located(self):
             return stage_layout(self)
+
+    @property
+    def layout_as_drawn(self) -> Layout:
+        """The layout for drawings; strips stand for bodies that cannot be drawn."""
+        return stage_layout(self, refuse=False)
 
     @property
     def mobility(self) -> int:
@@ -225,7 +231,12 @@ def load_stage(path: PathLike) -> Stage:
     """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for
     invalid content.
     """
-    return read_plate(Stage, path)
+    return read_content(Stage, path)
+
+
+def read_unchecked(path: PathLike) -> Unfinished:
+    """Read a stage for a drawing, whether or not it can be made. Raises BadInput as `load_stage`."""
+    return Unfinished(load_stage(path), None, [])
 
 
 def load_feasible(path: PathLike) -> Stage:

@@ -17,8 +17,9 @@ from flexfem.files.quantities import Angle, Length
 from flexfem.files.refusals import KeyPath, key_path, nearest, problems_of, refusal, shown
 from flexfem.files.tables import Label, Table, once, plain
 from flexfem.mechanism.actuators import RatedActuator
+from flexfem.mechanism.content import merged_tables
 from flexfem.mechanism.materials import Frame, Material
-from flexfem.mechanism.mechanism import Mechanism, merged_tables
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.paper.actuators import HINGE_NAMES as HINGE_NAMES
 from flexfem.paper.actuators import Actuator
 from flexfem.paper.actuators import HingeName as HingeName

@@ -31,8 +31,9 @@ from flexfem.fem.mesh import (
 from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_mesher
 from flexfem.fem.ports import layers_of_layout
 from flexfem.fem.sizes import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, first_good, smaller_at
+from flexfem.mechanism.content import located
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import Face, area
 from flexfem.paper.actuators import HINGE_NAMES
 from flexfem.paper.bodies import draw_sector, necks

@@ -21,8 +21,9 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import Neck, NeckDeviation
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import bad_key, read_csv, validate
+from flexfem.mechanism.content import located
 from flexfem.mechanism.layout import Joint, Layout
-from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import check_layout
 from flexfem.paper.designs import lower

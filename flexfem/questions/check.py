@@ -17,10 +17,11 @@ from flexfem.files.refusals import key_path
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
+from flexfem.mechanism.content import located
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.gaps import names_of_parts, smallest_gaps
 from flexfem.mechanism.layout import Joint, Layout
-from flexfem.mechanism.mechanism import Mechanism, located, of_stage
+from flexfem.mechanism.mechanism import Mechanism, of_stage
 from flexfem.mechanism.mechanism_file import GROUND, MechanismFile, Reduction
 from flexfem.mechanism.parts import PlateBody
 from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon

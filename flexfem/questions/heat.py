@@ -30,8 +30,9 @@ from flexfem.fem.response import (
 )
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
+from flexfem.mechanism.content import located
 from flexfem.mechanism.layout import Constants
-from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.paper.designs import lower, stage_frames
 from flexfem.paper.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses

@@ -24,8 +24,9 @@ from flexfem.files.refusals import one_line, place_of
 from flexfem.files.toml import read_csv
 from flexfem.hinges import strength
 from flexfem.hinges.strength import Basquin, BasquinFit, Wrench, equivalent
+from flexfem.mechanism.content import located
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, Material, unlikely
-from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.paper.designs import Designs, lower
 from flexfem.paper.fields import notch_fields
