@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-import flexfem.fem.factor
+import flexfem.fem.cholmod
 from flexfem.fem.factor import condense, dense, factorise, pardiso, superlu
 from flexfem.refused import ComputationFailed
 
@@ -65,10 +65,10 @@ def test_condensed_equations_are_those_of_the_whole(installed, monkeypatch):
     inner = 34
     b = rng.normal(size=(41, 3))
     for kind in (
-        flexfem.fem.factor.SUPERNODAL,
+        flexfem.fem.cholmod.SUPERNODAL,
         (),
     ):  # the factor is read, and solved for every unknown of the boundary
-        monkeypatch.setattr(flexfem.fem.factor, "SUPERNODAL", kind)
+        monkeypatch.setattr(flexfem.fem.cholmod, "SUPERNODAL", kind)
         found = condense(sp.csr_array(np.tril(K)), 7)
         schur = K[inner:, inner:] - K[inner:, :inner] @ np.linalg.solve(
             K[:inner, :inner], K[:inner, inner:]

@@ -178,7 +178,7 @@ def test_a_straight_column_is_unstable_beyond_eulers_load():
 @pytest.mark.parametrize("installed", [True, False], ids=["the one installed", "superlu"])
 def test_an_indefinite_matrix_is_solved(monkeypatch, installed):
     if not installed:
-        monkeypatch.setattr("flexfem.fem.factor.find_spec", lambda name: None)
+        monkeypatch.setattr("flexfem.fem.cholmod.find_spec", lambda name: None)
     factorise = Factoriser()
     x = np.array([[3.0], [-1.0], [2.0]])
     for corner in (2.0, -2.0, 5.0):
