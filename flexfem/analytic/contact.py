@@ -65,7 +65,7 @@ class Clearance:
         at = self.column.get(body)
         if at is None:
             return self.bodies[body]
-        centre = self.plate.centre[at // 3]
+        centre = self.plate.nodes.centre[at // 3]
         shift = q[at] + 1j * q[at + 1]
         turn = np.exp(1j * q[at + 2])
 
@@ -105,11 +105,11 @@ class Clearance:
         """Return the places (h, beams + 1), mm, complex, and the rotations, rad, of the nodes of
         the hinges.
         """
-        plate = self.plate
+        at = self.plate.nodes
         full = np.append(q, np.zeros(3))
-        turn = full[plate.column + 2]
-        swung = plate.arm * (np.exp(1j * turn) - 1)
-        return plate.place + full[plate.column] + 1j * full[plate.column + 1] + swung, turn
+        turn = full[at.column + 2]
+        swung = at.arm * (np.exp(1j * turn) - 1)
+        return at.place + full[at.column] + 1j * full[at.column + 1] + swung, turn
 
     def moved(self, q: Array) -> Array:
         """Return bounds (parts,), mm, of the displacements of all parts."""
@@ -117,7 +117,7 @@ class Clearance:
         boxes = shapely.bounds(self.rest)
         for body, at in self.column.items():
             corners = boxes[body][[0, 2, 0, 2]] + 1j * boxes[body][[1, 1, 3, 3]]
-            swing = np.abs(corners - self.plate.centre[at // 3]).max() * abs(
+            swing = np.abs(corners - self.plate.nodes.centre[at // 3]).max() * abs(
                 np.exp(1j * q[at + 2]) - 1
             )
             found[body] = abs(q[at] + 1j * q[at + 1]) + swing

@@ -1,5 +1,4 @@
-"""Equilibrium paths of a mechanism whose output is driven to finite displacements, and where they
-end.
+"""Equilibrium paths of a mechanism that is driven to finite displacements, and where they end.
 
 The motions of chosen ports are prescribed, and the forces that hold them follow: Newton's method on
 the tangent stiffness bordered by these ports. The nodes between the beams of a hinge are eliminated
@@ -17,16 +16,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.analytic.contact import Clearance
-from flexfem.analytic.finite import (
-    BEAMS,
-    CLOSE,
-    ITERATIONS,
-    LARGEST,
-    Beams,
-    BeamState,
-    FinitePlate,
-    divided_profile,
-)
+from flexfem.analytic.finite import BEAMS, Beams, BeamState, FinitePlate, divided_profile
 from flexfem.arrays import Array
 from flexfem.mechanism.curves import CurvePoint, Line
 from flexfem.mechanism.layout import Layout, Port
@@ -54,12 +44,13 @@ StressRatios: TypeAlias = Callable[[Array], Array]  # of wrenches (h, 3), to pla
 class PathPoint(NamedTuple):
     """Equilibrium at prescribed motions of some ports.
 
-    unknowns : (size,), of `FinitePlate`.   forces : (k,), on the ports, N and N mm.   motions :
-    (k,), mm and rad.
+    unknowns : (size,), of `FinitePlate`.
+    forces : (k,), on the ports, N and N mm.   motions : (k,), of the ports, mm and rad.
     stress : (h,), highest von Mises stress of every hinge, MPa; in plane stress while it is far
     from yield.
     softest : least eigenvalue of the tangent stiffness of the motions that are not prescribed;
-    negative if unstable."""
+    negative if unstable.
+    """
 
     unknowns: Array
     forces: Array
@@ -68,20 +59,24 @@ class PathPoint(NamedTuple):
     softest: float
 
 
-Placed: TypeAlias = tuple[float, PathPoint]  # at a displacement of the driven port
+class Placed(NamedTuple):
+    """An equilibrium at a displacement x of the driven port, mm or rad."""
+
+    x: float
+    at: PathPoint
 
 
 class PathEnd(NamedTuple):
-    """End of a path: the displacement of the driven port, mm or rad, and the force on it, N or N
-    mm.
+    """End of a path: the displacement of the driven port, mm or rad, and the force on it, N or N mm.
 
     kind : `YIELD`, `BODY_YIELD`, `BUCKLING`, `CONTACT`, `STROKE` or `NO_LIMIT`.   at : the
     equilibrium.
     exponents : (2,), of the force and of the highest stress as powers of the displacement near the
     end.
     linear : (2,), force and highest stress per displacement at rest.
-    parts : what touches or drives, and where; empty for the other kinds.   touching : numbers of
-    the two parts."""
+    parts : what touches or drives, and where; empty for the other kinds.
+    touching : numbers of the two parts.
+    """
 
     displacement: float
     force: float
@@ -143,15 +138,20 @@ class DrivenPlate(FinitePlate):
         marks = np.array([self.marks[joint.profile] for joint in self.layout.joints])
         return Clearance(self.layout, self, marks)
 
+    @cached_property
+    def rest(self) -> tuple[Array, Array]:
+        """Unknowns (size,) and forces on the ports (k,) at rest, all zero."""
+        return np.zeros(self.size), np.zeros(self.ports)
+
     def wrenches(self, beams: Beams) -> Array:
-        """Tension, transverse force and moment (h, beams, 3) at the centre of the hinge, as of
-        `Profile.stress`.
+        """Tension, transverse force and moment (h, beams, 3) as of `Profile.stress`.
+
+        They are taken at the centre of the hinge.
         """
         found = np.zeros((self.hinges, BEAMS, 3))
         tension, near, far = beams.stress.reshape(-1, BEAMS, 3).transpose(2, 0, 1)
-        bowed = tension[:, :, None] * beams.bent.reshape(
-            -1, BEAMS, 2
-        )  # moments of the tension of a bent beam
+        # moments of the tension of a bent beam
+        bowed = tension[:, :, None] * beams.bent.reshape(-1, BEAMS, 2)
         near = near + bowed[:, :, 0]
         far = far + bowed[:, :, 1]
         for profile, numbers in self.alike.items():
@@ -163,8 +163,7 @@ class DrivenPlate(FinitePlate):
         return found
 
     def plane_stress(self, wrenches: Array) -> Array:
-        """Highest von Mises stress (h,), MPa, in plane stress, of hinges under wrenches (h, beams,
-        3) of beams.
+        """Highest von Mises stress (h,), MPa, in plane stress under wrenches (h, beams, 3) of beams.
 
         That of a hinge of another material is multiplied by `Layout.hinge_shares`.
         """
@@ -185,34 +184,31 @@ class DrivenPlate(FinitePlate):
         return self.plane_stress(wrenches) * self.stress_ratios(_at_centre(wrenches))
 
     def driven(self, q: Array, f: Array, ports: Sequence[int], targets: Array) -> PathPoint | None:
-        """Return the equilibrium with motions (p,) of ports; None if Newton's method does not
-        converge.
+        """Return the equilibrium with motions (p,) of ports; None as of `converged`.
 
         q, f : unknowns (size,) and forces on the ports (k,) to start from.
         """
-        f = f.copy()
+        forces = f.copy()
         held = list(ports)
-        for _ in range(ITERATIONS):
-            at = self.state(q, f)
-            step, more = self._step(at, at.P[:, held], targets - at.motions[held])
-            if not np.isfinite(step).all():
-                return None
-            size = self._size(step)
-            share = min(1.0, LARGEST / max(size, CLOSE))
-            q = q + share * step
-            f[held] += share * more
-            if size < CLOSE:
-                return self.described(q, f, held)
-        return None
+
+        def step(x: Array) -> Array:
+            forces[held] = x[self.size :]
+            at = self.state(x[: self.size], forces)
+            return self._step(at, at.P[:, held], targets - at.motions[held])
+
+        found = self.converged(np.concatenate([q, f[held]]), step)
+        if found is None:
+            return None
+        forces[held] = found[self.size :]
+        return self.described(found[: self.size], forces, held)
 
     def described(self, q: Array, f: Array, ports: Sequence[int]) -> PathPoint:
-        """Return the equilibrium at unknowns (size,) under forces (k,), of which those on some
-        ports hold them.
+        """Return the equilibrium at unknowns (size,) under forces (k,).
+
+        ports : those at which forces hold the motions.
         """
         at = self.state(q, f)
-        inner, joined = self._by_hinges(at.K)
-        inside = np.einsum("hia,hib->ab", joined, np.linalg.solve(inner, joined), optimize=True)
-        reduced = at.K[: self.rigid, : self.rigid] - inside
+        inner, reduced = self._reduced(at.K)
         free = np.linalg.qr(at.P[: self.rigid, list(ports)], mode="complete")[0][:, len(ports) :]
         softest = float(np.linalg.eigvalsh(inner)[:, 0].min())
         if free.shape[1]:
@@ -230,43 +226,37 @@ class DrivenPlate(FinitePlate):
         return CurvePoint(at.motions, f, compliance, self._negative_pivots(at.K), np.nan, q)
 
     def on_line(self, near: CurvePoint, port: int, line: Line) -> CurvePoint | None:
-        """Return the equilibrium under a load on a port at which its motion u and the load f are on
-        a line.
+        """Return the equilibrium at which motion u and load f of a port are on a line.
 
         near : an equilibrium to start from.   line : a, b and c of `a u + b f = c`.
         """
-        q = near.state
-        f = near.loads.copy()
+        forces = near.loads.copy()
         a, b, c = line
-        for _ in range(ITERATIONS):
-            at = self.state(q, f)
-            goal = c - a * at.motions[port] - b * f[port]
-            step, more = self._step(at, at.P[:, [port]], np.array([goal]), (a, b))
-            if not (np.isfinite(step).all() and np.isfinite(more).all()):
-                return None
-            size = self._size(step)
-            share = min(1.0, LARGEST / max(size, CLOSE))
-            q = q + share * step
-            f[port] += share * more[0]
-            if size < CLOSE:
-                return self.curve_point(q, f)
-        return None
 
-    def _size(self, step: Array) -> float:
-        """Return the largest rotation, rad, or displacement per size of the mechanism, of a change
-        (size,).
-        """
-        shift = np.abs(step.reshape(-1, 3)[:, :2]).max() / self.extent
-        return max(float(np.abs(step[2::3]).max()), float(shift))
+        def step(x: Array) -> Array:
+            forces[port] = x[self.size]
+            at = self.state(x[: self.size], forces)
+            goal = c - a * at.motions[port] - b * forces[port]
+            return self._step(at, at.P[:, [port]], np.array([goal]), (a, b))
+
+        found = self.converged(np.append(near.state, forces[port]), step)
+        if found is None:
+            return None
+        forces[port] = found[self.size]
+        return self.curve_point(found[: self.size], forces)
 
     def _negative_pivots(self, K: Array) -> int:
-        """Return the number of negative eigenvalues of a tangent, with the nodes inside hinges
-        eliminated first.
+        """Return the number of negative eigenvalues of a tangent (size, size)."""
+        return sum(int(np.sum(np.linalg.eigvalsh(part) < 0)) for part in self._reduced(K))
+
+    def _reduced(self, K: Array) -> tuple[Array, Array]:
+        """Tangent (h, i, i) of the nodes inside every hinge, and that of the bodies (r, r).
+
+        The nodes inside hinges are eliminated from the latter.
         """
         inner, joined = self._by_hinges(K)
         inside = np.einsum("hia,hib->ab", joined, np.linalg.solve(inner, joined), optimize=True)
-        reduced = K[: self.rigid, : self.rigid] - inside
-        return int(np.sum(np.linalg.eigvalsh(inner) < 0) + np.sum(np.linalg.eigvalsh(reduced) < 0))
+        return inner, K[: self.rigid, : self.rigid] - inside
 
     def _by_hinges(self, K: Array) -> tuple[Array, Array]:
         """Tangent (h, i, i) of the nodes inside every hinge, and its columns (h, i, r) for the
@@ -283,12 +273,13 @@ class DrivenPlate(FinitePlate):
         loads: Array,
         motion: Array,
         weights: tuple[float, float] = (1.0, 0.0),
-    ) -> tuple[Array, Array]:
-        """Return the changes of the unknowns (size,) and of the forces (p,) on ports by which a sum
-        changes by (p,).
+    ) -> Array:
+        """Return the changes (size + p,) of the unknowns and of the forces on p ports.
 
-        The sum is that of the motions and the forces of the ports with two weights: by default the
-        motions alone."""
+        loads : (size, p), of unit forces on the ports.
+        motion : (p,), change of the sum of motions and forces of the ports with two `weights`: by
+            default of the motions alone.
+        """
         n = self.rigid
         p = len(motion)
         inner, joined = self._by_hinges(at.K)
@@ -302,7 +293,7 @@ class DrivenPlate(FinitePlate):
         bordered[n:, n:] = weights[1] * np.eye(p)
         found = np.linalg.solve(bordered, np.concatenate([at.left[:n] - onto[:, n], motion]))
         inside = solved[:, :, n] - solved[:, :, :n] @ found[:n]
-        return np.concatenate([found[:n], inside.ravel()]), found[n:]
+        return np.concatenate([found[:n], inside.ravel(), found[n:]])
 
     def end(
         self, port: int, held: Sequence[int], scale: float, body_stress: float = 0.0
@@ -314,177 +305,212 @@ class DrivenPlate(FinitePlate):
         yield.
         body_stress : as of `PathLimits`.
         """
-        ports = [port, *held]
-        rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
-        limits = PathLimits(rest, port, body_stress)
-        path = [(0.0, rest)]
+        path = _Path(self, [port, *held])
+        limits = PathLimits(path.last.at, port, body_stress)
         step = scale / STEPS
         linear = self.slopes(port, held, scale)
         for _ in range(MOST_STEPS):
-            before = path[-1][0]
-            after, touching = self._before_contact(path, ports, before + step)
-            if after is None:
+            before = path.last.x
+            following, touching = path.before_contact(before + step)
+            if following is None:
                 step /= 4
                 if abs(step) < SMALLEST_STEP * abs(before + step):
-                    return _ended(path, path[-1], port, BUCKLING, linear)
+                    return path.ended(path.last, BUCKLING, linear)
                 continue
             limits = limits._replace(contact=touching)
-            if min(self._margins(after[1], limits).values()) <= 0:
-                return self._between(path, after, ports, limits, linear)
-            step = (after[0] - before) * (GROWTH if abs(after[0]) > abs(scale) else 1.0)
-            path = [*path[-2:], after]
-        return _ended(path, path[-1], port, NO_LIMIT, linear)
-
-    def _before_contact(
-        self, path: Sequence[Placed], ports: Sequence[int], x: float
-    ) -> tuple[Placed | None, bool]:
-        """Return the equilibrium at a displacement x, or at a smaller one where parts already
-        touch, and if they do.
-        """
-        at = self._continued(path, ports, x)
-        if at is None:
-            return None, False
-        before, last = path[-1]
-        share = self.clearance.share_to_contact(last.unknowns, at.unknowns)
-        if share is None:
-            return (x, at), False
-        x = before + share * (x - before)
-        at = self._continued(path, ports, x)
-        return (None if at is None else (x, at)), True
+            if self.least_margin(following.at, limits).value <= 0:
+                return path.limit_before(following, limits, linear)
+            step = following.x - before
+            if abs(following.x) > abs(scale):
+                step *= GROWTH
+            path.extend(following)
+        return path.ended(path.last, NO_LIMIT, linear)
 
     def slopes(self, port: int, held: Sequence[int], scale: float) -> Array:
         """Return the force and the highest stress (2,) per displacement of a port at rest."""
-        ports = [port, *held]
         x = SMALL_STEP * scale
-        rest = self.described(np.zeros(self.size), np.zeros(self.ports), ports)
-        at = self._continued([(0.0, rest)], ports, x)
+        at = _Path(self, [port, *held]).continued(x)
         if at is None:
             raise ComputationFailed("no equilibrium near rest: a hinge is far stiffer than others")
         return np.array([at.forces[port] / x, np.max(self.stress(at.unknowns)) / abs(x)])
 
     def reached(self, port: int, held: Sequence[int], x: float) -> PathPoint | None:
-        """Return the equilibrium at a displacement of a port, reached in steps from rest; None
-        without one.
-        """
-        ports = [port, *held]
-        path = [(0.0, self.described(np.zeros(self.size), np.zeros(self.ports), ports))]
+        """Return the equilibrium at a displacement of a port, in steps from rest; None without one."""
+        path = _Path(self, [port, *held])
         done = 0.0
         share = 1 / STEPS
         for _ in range(MOST_STEPS):
             after = done + share
             if after > 1 - SMALLEST_STEP * share:  # also by round-off of the sum
                 after = 1.0
-            found = self._continued(path, ports, after * x)
+            found = path.continued(after * x)
             if found is None:
                 share /= 4
                 continue
             if after == 1.0:
                 return found
             done = after
-            path = [*path[-2:], (done * x, found)]
+            path.extend(Placed(done * x, found))
         return None
 
-    def _margins(self, at: PathPoint, limits: PathLimits) -> dict[str, float]:
-        """Distances from the limits, about 1 at rest and 0 at a limit."""
+    def least_margin(self, at: PathPoint, limits: PathLimits) -> Margin:
+        """Return the limit that an equilibrium is nearest to, about 1 from it at rest and 0 at it."""
         strength = self.layout.yield_strength
-        found = {
-            YIELD: 1 - float(at.stress.max()) / strength,
-            BUCKLING: at.softest / limits.rest.softest,
-            BODY_YIELD: 1 - limits.body_stress * abs(float(at.forces[limits.port])) / strength,
-        }
+        of_body = limits.body_stress * abs(float(at.forces[limits.port]))
+        found = [
+            Margin(1 - float(at.stress.max()) / strength, YIELD),
+            Margin(at.softest / limits.rest.softest, BUCKLING),
+            Margin(1 - of_body / strength, BODY_YIELD),
+        ]
         if limits.contact:
-            found[CONTACT] = self.clearance.smallest(at.unknowns)[0]
+            found.append(Margin(self.clearance.smallest(at.unknowns)[0], CONTACT))
         if len(self.strokes):
-            found[STROKE] = float(np.min(1 - at.motions[self.openings] / self.strokes))
-        return found
+            unused = 1 - at.motions[self.openings] / self.strokes
+            found.append(Margin(float(np.min(unused)), STROKE))
+        return min(found, key=lambda margin: margin.value)
 
-    def _continued(
-        self, path: Sequence[Placed], ports: Sequence[int], x: float
-    ) -> PathPoint | None:
-        """Return the equilibrium at a displacement x, from the polynomial through others."""
-        places = np.array([place for place, _ in path])
+
+class Margin(NamedTuple):
+    """Distance of an equilibrium from a limit of a kind of `PathEnd`."""
+
+    value: float
+    kind: str
+
+
+class _Bracket(NamedTuple):
+    """Two displacements of the driven port between which a margin changes its sign.
+
+    low, high : mm or rad.   below, above : margins there, halved as by the Illinois method.
+    """
+
+    low: float
+    high: float
+    below: float
+    above: float
+
+    @property
+    def middle(self) -> float:
+        """Where the line through both margins is zero."""
+        return self.low + (self.high - self.low) * self.below / (self.below - self.above)
+
+    def narrowed(self, x: float, margin: float) -> _Bracket:
+        """Return the part of the bracket with a change of sign, from the margin at x."""
+        if margin > 0:
+            return _Bracket(x, self.high, margin, self.above / 2)
+        return _Bracket(self.low, x, self.below / 2, margin)
+
+
+class _Path:
+    """Equilibria of a driven plate at growing displacements of the first of several ports.
+
+    The motions of the other ports stay zero. The last three equilibria are kept.
+    """
+
+    def __init__(self, plate: DrivenPlate, ports: Sequence[int]) -> None:
+        self.plate = plate
+        self.ports = list(ports)
+        self.placed = [Placed(0.0, plate.described(*plate.rest, self.ports))]
+
+    @property
+    def last(self) -> Placed:
+        return self.placed[-1]
+
+    def extend(self, following: Placed) -> None:
+        """Add an equilibrium beyond the last one."""
+        self.placed = [*self.placed[-2:], following]
+
+    def continued(self, x: float) -> PathPoint | None:
+        """Return the equilibrium at a displacement x, from the polynomial through those that are kept.
+
+        None as of `FinitePlate.converged`.
+        """
+        places = np.array([one.x for one in self.placed])
         weights = list[float]()
         for number, place in enumerate(places):
             others = np.delete(places, number)
             weights.append(float(np.prod((x - others) / (place - others))))
-        q = np.tensordot(weights, [at.unknowns for _, at in path], axes=1)
-        f = np.tensordot(weights, [at.forces for _, at in path], axes=1)
-        return self.driven(q, f, ports, np.eye(len(ports))[0] * x)
+        q = np.tensordot(weights, [one.at.unknowns for one in self.placed], axes=1)
+        f = np.tensordot(weights, [one.at.forces for one in self.placed], axes=1)
+        return self.plate.driven(q, f, self.ports, np.eye(len(self.ports))[0] * x)
 
-    def _between(
-        self,
-        path: Sequence[Placed],
-        beyond: Placed,
-        ports: Sequence[int],
-        limits: PathLimits,
-        linear: Array,
-    ) -> PathEnd:
-        """Return the limit between the last equilibrium of a path and one beyond it, by the
-        Illinois method.
+    def before_contact(self, x: float) -> tuple[Placed | None, bool]:
+        """Return the equilibrium at a displacement x, or at a smaller one where parts already touch.
+
+        The second value states whether parts touch.
         """
-        inside = list(path)
-        low = path[-1][0]
-        high = beyond[0]
-        below = min(self._margins(path[-1][1], limits).values())
-        above = min(self._margins(beyond[1], limits).values())
-        x, at = beyond
+        at = self.continued(x)
+        if at is None:
+            return None, False
+        last = self.last
+        share = self.plate.clearance.share_to_contact(last.at.unknowns, at.unknowns)
+        if share is None:
+            return Placed(x, at), False
+        x = last.x + share * (x - last.x)
+        at = self.continued(x)
+        return None if at is None else Placed(x, at), True
+
+    def limit_before(self, beyond: Placed, limits: PathLimits, linear: Array) -> PathEnd:
+        """Return the limit between the last equilibrium and one beyond it, by the Illinois method."""
+        plate = self.plate
+        inside = _Path(plate, self.ports)
+        inside.placed = self.placed
+        bracket = _Bracket(
+            self.last.x,
+            beyond.x,
+            plate.least_margin(self.last.at, limits).value,
+            plate.least_margin(beyond.at, limits).value,
+        )
+        found = beyond
         for _ in range(MOST_STEPS):
-            last = x
-            x = low + (high - low) * below / (below - above)
-            if abs(x - low) < FINEST * abs(
-                x
-            ):  # two points at one place have no polynomial through them
-                x, at = inside[-1]
+            x = bracket.middle
+            if abs(x - bracket.low) < FINEST * abs(x):
+                found = inside.last  # two points at one place have no polynomial through them
                 break
-            found = self._continued(inside[-3:], ports, x)
-            if found is None:
-                x = last
+            at = inside.continued(x)
+            if at is None:
                 break
-            at = found
-            margin = min(self._margins(at, limits).values())
-            if abs(margin) < FINEST or abs(x - last) < FINEST * abs(x):
+            change = abs(x - found.x)
+            found = Placed(x, at)
+            margin = plate.least_margin(at, limits).value
+            if abs(margin) < FINEST or change < FINEST * abs(x):
                 break
+            bracket = bracket.narrowed(x, margin)
             if margin > 0:
-                low = x
-                below = margin
-                above = above / 2
-                inside.append((x, found))
-            else:
-                high = x
-                above = margin
-                below = below / 2
-        margins = self._margins(at, limits)
-        kind = min(margins, key=lambda name: margins[name])
-        end = _ended(path, (x, at), ports[0], kind, linear)
-        gap = self.clearance.smallest(at.unknowns)[1] if kind == CONTACT else None
-        if gap is not None:
-            end = end._replace(parts=self.clearance.said(gap), touching=gap.parts)
-        if kind == STROKE:
-            end = end._replace(parts=drive_at_stroke(self.layout, at.motions))
+                inside.extend(found)
+        return self._with_parts(
+            self.ended(found, plate.least_margin(found.at, limits).kind, linear)
+        )
+
+    def _with_parts(self, end: PathEnd) -> PathEnd:
+        """Return the end of a path with the parts that touch, or the actuator at its stroke."""
+        if end.kind == CONTACT:
+            gap = self.plate.clearance.smallest(end.at.unknowns)[1]
+            if gap is not None:
+                return end._replace(parts=self.plate.clearance.said(gap), touching=gap.parts)
+        if end.kind == STROKE:
+            return end._replace(parts=drive_at_stroke(self.plate.layout, end.at.motions))
         return end
+
+    def ended(self, last: Placed, kind: str, linear: Array) -> PathEnd:
+        """Return the end of the path; near it force and stress are powers of the displacement."""
+        x, at = last
+        port = self.ports[0]
+        earlier = [one for one in self.placed if 0 < abs(one.x) < (1 - APART) * abs(x)]
+        exponents = np.ones(2)
+        if earlier:
+            place, before = earlier[-1]
+            changes = [at.forces[port] / before.forces[port], at.stress.max() / before.stress.max()]
+            exponents = np.log(np.abs(changes)) / np.log(x / place)
+        return PathEnd(x, float(at.forces[port]), kind, at, exponents, linear)
 
 
 def drive_at_stroke(layout: Layout, motions: Array) -> str:
     """Return the name of the actuator that is nearest to its stroke, at motions (k,) of the ports."""
-    shares = [
-        motions[port] / each.stroke
-        for port, each in zip(layout.drive_ports, layout.actuators, strict=True)
-    ]
-    return repr(layout.actuators[int(np.argmax(shares))].name)
+    strokes = np.array([actuator.stroke for actuator in layout.actuators])
+    nearest = int(np.argmax(motions[list(layout.drive_ports)] / strokes))
+    return repr(layout.actuators[nearest].name)
 
 
 def _at_centre(wrenches: Array) -> Array:
     """Return the wrenches (h, 3) in the middle of hinges from those (h, beams, 3) of their beams."""
     return np.asarray(wrenches[:, BEAMS // 2 - 1 : BEAMS // 2 + 1].mean(axis=1))
-
-
-def _ended(path: Sequence[Placed], last: Placed, port: int, kind: str, linear: Array) -> PathEnd:
-    """Return the end of a path; near it the force and the stress are powers of the displacement."""
-    x, at = last
-    earlier = [one for one in path if 0 < abs(one[0]) < (1 - APART) * abs(x)]
-    exponents = np.ones(2)
-    if earlier:
-        place, before = earlier[-1]
-        changes = [at.forces[port] / before.forces[port], at.stress.max() / before.stress.max()]
-        exponents = np.log(np.abs(changes)) / np.log(x / place)
-    return PathEnd(x, float(at.forces[port]), kind, at, exponents, linear)

@@ -1,5 +1,4 @@
-"""Mechanisms under preloads: the tangent of beams at an equilibrium under dead loads and residual
-stress.
+"""Mechanisms under preloads: tangent of beams under dead loads and residual stress.
 
 A residual stress s of the plate is a strain by which all of it would shrink if the fixed bodies let
 it: hinges are then shorter at rest, and rigid bodies smaller. A hinge between two fixed bodies
@@ -11,13 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.finite import FinitePlate
+from flexfem.analytic.finite import FinitePlate, grown
 from flexfem.analytic.network import Dynamics, with_springs
 from flexfem.analytic.plates import inertia, moving_bodies
 from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout, Port
 from flexfem.refused import ComputationFailed
 
+ALONG_X = (1.0, 0.0, 0.0)
 SMALLEST = 2.0**-10  # step towards the preload, as a share of it
 
 
@@ -34,8 +34,7 @@ class BeamTangent(NamedTuple):
 def preloaded(
     layout: Layout, load: Array, hinges: Array | None = None, ports: tuple[Port, ...] | None = None
 ) -> BeamTangent:
-    """Return the tangent at the equilibrium under a dead load (k,) on the ports of a layout and its
-    residual stress.
+    """Return the tangent at the equilibrium under a dead load (k,) and the residual stress.
 
     hinges : compliances (h, 3, 3) at the centres of the hinges, by default those of their profiles.
     ports : those of the tangent, by default the ports of the layout.
@@ -55,7 +54,7 @@ def preloaded(
         )
     compliance = at.P.T @ np.linalg.solve(at.K, at.P)
     turned = np.zeros(plate.ports)
-    turned[plate.port] = q[plate.loaded + 2]
+    turned[plate.loaded.port] = q[plate.loaded.column + 2]
     asked = slice(0 if ports is None else len(own), None)
     return BeamTangent(compliance[asked, asked], turned[asked])
 
@@ -65,30 +64,22 @@ def _shown(layout: Layout) -> str:
 
 
 def _equilibrium(plate: FinitePlate, force: Array, shrinkage: float) -> Array:
-    """Return the unknowns (size,) under a load (k,) and a strain at rest, both applied in steps
-    from rest.
-    """
-    q = np.zeros(plate.size)
-    done = 0.0
-    share = 1.0
-    while done < 1.0:
-        after = min(1.0, done + share)
-        plate.strain_at_rest = after * shrinkage
-        reached = plate.equilibrium(q, after * force)
-        if reached is not None:
-            q = reached
-            done = after
-            share = 2 * share
-            continue
-        share /= 4
-        if share < SMALLEST:
-            raise ComputationFailed(f"no equilibrium beyond {100 * done:.3g} % of the preload")
+    """Return the unknowns (size,) under a load (k,) and a strain at rest, which grow together."""
+
+    def under(q: Array, share: float) -> Array | None:
+        plate.strain_at_rest = share * shrinkage
+        return plate.equilibrium(q, share * force)
+
+    q, done = grown(np.zeros(plate.size), under, SMALLEST)
+    if done < 1.0:
+        raise ComputationFailed(f"no equilibrium beyond {100 * done:.3g} % of the preload")
     return q
 
 
 def modes(layout: Layout, load: Array, engaged: bool = False, hinges: Array | None = None) -> Array:
-    """Return natural frequencies (n,), rad/s, at an equilibrium, ascending, as `plates.modes` does
-    at rest.
+    """Return natural frequencies (n,), rad/s, ascending, at an equilibrium under preloads.
+
+    `plates.modes` does so at rest.
 
     Notes
     -----
@@ -100,11 +91,7 @@ def modes(layout: Layout, load: Array, engaged: bool = False, hinges: Array | No
     C = with_springs(at.compliance, layout.drive.stiffness) if drives else at.compliance
     R = np.eye(len(M))
     for place, port in enumerate(ports):
-        if port.parts[0][1] == (
-            1.0,
-            0.0,
-            0.0,
-        ):  # followed by the motion along y of the same contact
+        if port.parts[0][1] == ALONG_X:  # the motion along y of the same contact follows
             c = np.cos(at.turned[place])
             s = np.sin(at.turned[place])
             R[place : place + 2, place : place + 2] = [[c, -s], [s, c]]

@@ -1,5 +1,4 @@
-"""Equilibria of a mechanism of beams by the strokes of its actuators and under dead loads, with
-finite rotations.
+"""Equilibria of a mechanism of beams by strokes and dead loads, with finite rotations.
 
 An actuator of stiffness k and stroke s pushes its contacts apart with the force `k (s - d)` at an
 opening d. It acts along its line at rest."""
@@ -10,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.finite import CLOSE, ITERATIONS, LARGEST, SMALLEST
+from flexfem.analytic.finite import grown
 from flexfem.analytic.paths import DrivenPlate
 from flexfem.arrays import Array
 
@@ -19,10 +18,9 @@ SMALL = 1e-5  # of a command, for the stress by linear theory
 
 
 class Displaced(NamedTuple):
-    """Motions (k,), mm and rad, of the ports, loads (k,), N and N mm, on them, and highest stress
-    (h,), MPa.
+    """Motions (k,), mm and rad, of ports, loads (k,), N and N mm, and highest stress (h,), MPa.
 
-    Or changes of these, or their possible errors.
+    They are changes of these, or their possible errors, where it is stated.
     """
 
     motions: Array
@@ -63,21 +61,14 @@ def linear(plate: DrivenPlate, command: Applied) -> Displaced:
 def displaced_by(plate: DrivenPlate, command: Applied) -> Displaced | None:
     """Return the equilibrium at a command, which grows from rest in steps; None without one."""
     springs = _springs(plate, command)
-    q = np.zeros(plate.size)
-    done = 0.0
-    share = 1.0
-    while done < 1.0:
-        after = min(1.0, done + share)
-        part = Applied(after * command.loads, after * command.strokes, springs)
-        found = _equilibrium(plate, q, part)
-        if found is None:
-            share /= 4
-            if share < SMALLEST:
-                return None
-            continue
-        q = found
-        done = after
-        share = 2 * share
+
+    def under(q: Array, share: float) -> Array | None:
+        part = Applied(share * command.loads, share * command.strokes, springs)
+        return _equilibrium(plate, q, part)
+
+    q, done = grown(np.zeros(plate.size), under)
+    if done < 1.0:
+        return None
     motions = plate.state(q, command.loads).motions
     loads = command.loads + springs * (command.strokes - motions)
     return Displaced(motions, loads, plate.stress(q))
@@ -93,19 +84,12 @@ def _springs(plate: DrivenPlate, command: Applied) -> Array:
 
 
 def _equilibrium(plate: DrivenPlate, q: Array, command: Applied) -> Array | None:
-    """Return the unknowns (size,) at a command, from a start; None if Newton's method does not
-    converge.
-    """
-    for _ in range(ITERATIONS):
+    """Return the unknowns (size,) at a command, from a start; None as of `converged`."""
+
+    def step(q: Array) -> Array:
         motions = plate.state(q, command.loads).motions
         at = plate.state(q, command.loads + command.springs * (command.strokes - motions))
-        step = np.linalg.solve(at.K + (at.P * command.springs) @ at.P.T, at.left)
-        if not np.isfinite(step).all():
-            return None
-        angle = np.abs(step[2::3]).max()
-        shift = np.abs(step.reshape(-1, 3)[:, :2]).max() / plate.extent
-        largest = max(angle, shift)
-        q = q + step * min(1.0, LARGEST / max(largest, CLOSE))
-        if largest < CLOSE:
-            return q
-    return None
+        tangent = at.K + (at.P * command.springs) @ at.P.T
+        return np.asarray(np.linalg.solve(tangent, at.left))
+
+    return plate.converged(q, step)
