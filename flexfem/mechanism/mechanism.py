@@ -130,10 +130,11 @@ class Mechanism(FileContent):
         """
         return None if key.places_in(self) else "a number of the mechanism"
 
-    def answering(self, question: str) -> Callable[..., Any] | None:
+    @classmethod
+    def answering(cls, question: str) -> Callable[..., Any] | None:
         """Return the function that answers a question for this kind, if there is one of its own.
 
-        It takes this mechanism and, by name, those options of the question that apply to it.
+        It takes a mechanism of this kind and, by name, those options of the question that apply to it.
         """
         return None
 

@@ -27,7 +27,9 @@ from flexfem.paper.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.paper.stage_file import Hinge as Hinge
 from flexfem.paper.stage_file import StageContent, actuators_of, hinges_of, of_drive, of_heat
 
-ANSWERS: dict[str, str] = {}  # module in `flexfem.paper` by question
+ANSWERS: dict[str, str] = {
+    "gravity": "gravity",
+}  # module in `flexfem.paper` by question
 
 
 class Stage(StageContent):
@@ -102,7 +104,8 @@ class Stage(StageContent):
             f"a number that an actuator of the stage ({names}) states and that no override replaces"
         )
 
-    def answering(self, question: str) -> Callable[..., Any] | None:
+    @classmethod
+    def answering(cls, question: str) -> Callable[..., Any] | None:
         """Return the function of the paper's room that answers a question, if there is one."""
         module = ANSWERS.get(question)
         if module is None:

@@ -1,47 +1,31 @@
-"""A stage or mechanism under its own weight and a payload: displacement of the output and stress in
-the hinges.
+"""A mechanism under its own weight: displacement of the output and stress in the hinges.
 
-The plate stands upright in the plane, gravity at an angle to x; in three dimensions it lies
-horizontally, gravity along -z. The centre of mass of the payload of a stage is at the platform's
-centre, in the mid-plane."""
+The plate stands upright in the plane, gravity at an angle to x; in three dimensions it also lies
+horizontally, gravity along -z.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.plates import weighed
 from flexfem.arrays import Array
-from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.ports import hinge_stress
-from flexfem.fem.response import factorised_whole
-from flexfem.fem.structure import mass_of, structure
-from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.paper.bodies import carried, carried_out_of_plane, drawn_inertia
-from flexfem.paper.fields import neck_maxima
-from flexfem.paper.model import analyse
-from flexfem.paper.responses import under_weight
-from flexfem.paper.stage import Stage
-from flexfem.paper.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.questions import finite, plates, setup
-from flexfem.questions import warnings as warning
-from flexfem.questions.bands import highest_band, pose_bands
-from flexfem.questions.plates import Values
-from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, Models
-from flexfem.results import FRESH, STRESS, Progress, Quantity, Result
-from flexfem.units import DENSITY, UNITS
+from flexfem.questions.plates import ON_MESHES, PEAK, ElasticParts, Thickened, Values
+from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, ModelAnswer, Models
+from flexfem.results import Progress, Quantity, Result
 
 GRAVITY = 9806.65  # mm/s^2, standard gravity
-HEAVIEST = 1e4  # kg
+UNDER_WEIGHT = "under the weight"
 
 
-class Gravity(Result):
+class MechanismGravity(Result):
     """Displacement and hinge stress of a plate under its own weight and that of its payload and
     actuators.
     """
@@ -50,25 +34,20 @@ class Gravity(Result):
     main = ("pose", {})
     labels: ClassVar = {"out of plane": LIFTED}
     columns = ("direction", "out of plane")
-    pose = Quantity("displacement", "motion", ("model", "point", "direction"), FRESH, "pose")
+    pose = Quantity("displacement", "motion", ("model", "point", "direction"), ON_MESHES, "pose")
     sag = Quantity(
         "displacement out of the plane of a horizontal plate",
         ("mm", "rad", "rad"),
         ("model", "out of plane"),
-        FRESH,
+        ON_MESHES,
         "all",
     )
-    stress = Quantity("highest hinge stress", "mpa", ("model", "chain", "hinge"), STRESS, "all")
-    mass = Quantity("mass, including pads, hub and payload", "kg", only="stage")
-
-
-class MechanismGravity(Gravity, mechanism=True):
-    """The same of a mechanism."""
+    stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), PEAK, "all")
 
 
 @setup.options(not_for="payload analytic", only_for="plane")
 def gravity(
-    stage: Mechanism,
+    mechanism: Mechanism,
     *,
     angle: float = -90.0,
     payload: float = 0.0,
@@ -79,9 +58,8 @@ def gravity(
     thickness_resolution: int | None = None,
     plane: bool = False,
     progress: Progress | None = None,
-) -> Gravity:
-    """Displacement and hinge stress of a stage or mechanism under its own weight and that of a
-    payload.
+) -> MechanismGravity:
+    """Displacement and hinge stress of a mechanism under its own weight and that of a payload.
 
     Parameters
     ----------
@@ -109,9 +87,9 @@ def gravity(
 
     Returns
     -------
-    Gravity
-        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
-        gravity` lists it.
+    MechanismGravity
+        Of a stage file `Gravity`. Every number has the unit that its quantity declares: `unit`
+        returns it, and `flexfem schema mechanism_gravity` or `flexfem schema gravity` lists it.
 
     Raises
     ------
@@ -128,102 +106,86 @@ def gravity(
     array([ -0.46, -13.85])
     """
     layers = setup.elements_through(solid, thickness_resolution)
-    mesh = plates.mesh_of(stage, models, resolution, layers)
-    angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
-    g = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
-    settings: dict[str, Any] = {"gravity": f"at {angle:g} degrees"}
-    warnings = list[str]()
-    values = dict[str, Any]()
-    load = Payload()
-    if isinstance(stage, Stage):
-        load = Payload(
-            arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor
-        )
-        warnings += [*warning.of_stage(stage), *warning.of_payload(stage, load.mass)]
-        models = "elements" if layers else models
-        chosen = analytic.chosen(stage, warnings, models)
-        plate = "horizontal" if layers else f"upright, gravity at {angle:g} degrees"
-        name = None if models == "elements" else chosen.name
-        settings = {"plate": plate, "payload": f"{payload:g} kg", "analytic model": name}
-        values["mass"] = drawn_inertia(stage)[0, 0] + load.mass
-        if mesh is not None:
-            warnings += (warning.held_faces if layers else warning.of_thickness)(stage)
-
-    def of_network(elastic: bool) -> Values:
-        if isinstance(stage, Stage):
-            pose, stress = under_weight(chosen.stage, analyse(*chosen), load, g)
-            return {"pose": pose, "stress": stress}
-        parts = plates.joined_parts(stage, elastic)
-        motions, wrenches = weighed(stage.layout, g[None], *parts)
-        points = 3 * len(stage.layout.points)
-        stress = plates.stress_by(stage, wrenches[..., 0], elastic)
-        return {"pose": motions[:points].reshape(-1, 3), "stress": stress}
+    mesh = plates.mesh_of(mechanism, models, resolution, layers)
+    weight = acceleration(angle)
 
     @cache
-    def weighed_on(resolution: int, layers: int) -> tuple[Array, Array]:
-        """Motions (k, 1) of the ports and stress (h,) in hinges by finite elements."""
-        assert isinstance(stage, MechanismFile)
-        model = plates.factorised(stage, resolution, layers)
-        found = model.weighed(model.mass, g[None])
-        return found.motions, hinge_stress(found, np.ones(1))
+    def by_mesh(resolution: int, layers: int) -> Values:
+        return _by_mesh(mechanism, weight, resolution, layers)
 
-    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
-        if isinstance(stage, Stage):
-            return _of_stage(stage, load, g, resolution, layers)
-        motions, stress = weighed_on(resolution, layers)
-        if thick is not None:
-            motions = motions + thick.change(
-                lambda parts: weighed(stage.layout, g[None], *parts)[0]
-            )
-            stress = stress * thick.stress_ratios(
-                weighed(stage.layout, g[None], *thick.solid)[1][..., 0]
-            )
-        points = 3 * len(stage.layout.points)
-        values = {"pose": motions[:points].reshape(-1, 3), "stress": stress}
-        if layers:
-            model = plates.factorised(stage, resolution, layers, lifting=True)
-            values["sag"] = model.weighed(model.mass, np.array([[-GRAVITY]])).motions[:, 0]
-        return values
+    def by_elements(resolution: int, layers: int, thick: Thickened | None = None) -> Values:
+        values = by_mesh(resolution, layers)
+        return values if thick is None else _thickened(mechanism, weight, values, thick)
 
-    def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
-        if isinstance(stage, MechanismFile):
-            return plates.value_bands(sizes, each, ends)
-        lever = setup.lever_of(stage)
-        name = "sag" if ends else "pose"
-        poses, few_and_many = (
-            np.array([one[name] for one in part])[..., None] for part in (each, ends)
-        )
-        band = pose_bands(
-            sizes, poses, np.array([1.0, lever if ends else 1.0, lever]), few_and_many
-        )[:, 0]
-        stresses = np.array([one["stress"] for one in each])
-        return {name: band} | ({} if ends else {"stress": highest_band(sizes, stresses)})
+    def by_network(elastic: bool) -> Values:
+        return _by_network(mechanism, weight, elastic)
 
-    found = plates.by_models(stage, mesh, models, of_network, of_size, progress, bands)
-    warnings += plates.over_yield(stage, found, "stress", "under the weight")
-    if isinstance(stage, MechanismFile) and stage.layout.joints:
-        relative = finite.relative_bands(list(found.values())[-1], "pose", "stress")
-        warnings += finite.by_weight(stage, g).warnings("under the weight", None, *relative)
-    return setup.answer(Gravity, stage, found, mesh, settings, values, warnings=warnings)
-
-
-def _of_stage(stage: Stage, load: Payload, g: Array, level: int, layers: int) -> Values:
-    """Return the values of a stage on one mesh: upright in an acceleration (2,), mm/s^2, or with
-    layers horizontal.
-    """
-    mesh = plates.meshed(stage, level)
-    solid = layers > 0
-    in_depth = layers_of(stage, layers, antisymmetric=True) if solid else None
-    plate = sheet_of(stage) if solid else plate_of(stage)
-    whole = structure(mesh, plate, in_depth)
-    mass = mass_of(
-        whole,
-        stage.material.density * DENSITY,
-        (carried_out_of_plane if solid else carried)(stage, load),
+    found = plates.by_models(mechanism, mesh, models, by_network, by_elements, progress)
+    return setup.answer(
+        MechanismGravity,
+        mechanism,
+        found,
+        mesh,
+        {"gravity": f"at {angle:g} degrees"},
+        warnings=_warnings(mechanism, weight, found),
     )
-    response = factorised_whole(whole).weighed(mass, np.array([[-GRAVITY]]) if solid else g[None])
-    stress = von_mises(
-        nodal_stress(mesh, plate, response.nodal[0], layers=in_depth), stage.layout.out_of_plane
-    )
-    highest = neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress)
-    return {"sag" if solid else "pose": response.motions[:, 0], "stress": highest}
+
+
+def acceleration(angle: float) -> Array:
+    """Return the acceleration (2,), mm/s^2, of gravity at an angle from x, degrees. Raises BadInput."""
+    radians = np.deg2rad(arguments.between("angle", angle, -360.0, 360.0, " degrees"))
+    return GRAVITY * np.array([np.cos(radians), np.sin(radians)])
+
+
+def _by_network(mechanism: Mechanism, weight: Array, elastic: bool) -> Values:
+    """Return displacement and hinge stress by the network of bodies and hinges."""
+    parts = plates.joined_parts(mechanism, elastic)
+    motions, wrenches = weighed(mechanism.layout, weight[None], *parts)
+    return {
+        "pose": _at_points(mechanism, motions),
+        "stress": plates.stress_by(mechanism, wrenches[..., 0], elastic),
+    }
+
+
+def _by_mesh(mechanism: Mechanism, weight: Array, resolution: int, layers: int) -> Values:
+    """Return displacement and hinge stress by finite elements, with layers also the sag."""
+    model = plates.factorised(mechanism, resolution, layers)
+    found = model.weighed(model.mass, weight[None])
+    values = {
+        "pose": _at_points(mechanism, found.motions),
+        "stress": hinge_stress(found, np.ones(1)),
+    }
+    if layers:
+        lifting = plates.factorised(mechanism, resolution, layers, lifting=True)
+        along_z = np.array([[-GRAVITY]])
+        values["sag"] = lifting.weighed(lifting.mass, along_z).motions[:, 0]
+    return values
+
+
+def _thickened(mechanism: Mechanism, weight: Array, plane: Values, thick: Thickened) -> Values:
+    """Return values of plane finite elements with the change by the thickness of the hinges."""
+
+    def motions(parts: ElasticParts) -> Array:
+        return weighed(mechanism.layout, weight[None], *parts)[0]
+
+    wrenches = weighed(mechanism.layout, weight[None], *thick.solid)[1]
+    return {
+        "pose": plane["pose"] + _at_points(mechanism, thick.change(motions)),
+        "stress": plane["stress"] * thick.stress_ratios(wrenches[..., 0]),
+    }
+
+
+def _at_points(mechanism: Mechanism, motions: Array) -> Array:
+    """Return the displacements (points, 3) of motions (k, 1) of the ports."""
+    points = len(mechanism.layout.points)
+    return motions[: 3 * points].reshape(points, 3)
+
+
+def _warnings(mechanism: Mechanism, weight: Array, found: dict[str, ModelAnswer]) -> list[str]:
+    """Warn of yield, and of displacements at which the linear solution is not valid."""
+    warnings = plates.over_yield(mechanism, found, "stress", UNDER_WEIGHT)
+    if not mechanism.layout.joints:
+        return warnings
+    bands = finite.relative_bands(list(found.values())[-1], "pose", "stress")
+    limits = finite.by_weight(mechanism, weight)
+    return [*warnings, *limits.warnings(UNDER_WEIGHT, None, *bands)]

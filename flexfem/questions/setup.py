@@ -85,6 +85,9 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
     def checked(*positional: Any, **named: Any) -> Any:
         if "layers" in named and "solid" in signature.parameters:
             raise BadInput(f"layers {printed(named['layers'])}: this option is now {SOLID_NOW}")
+        for name in SUBJECTS:  # either name of the subject is understood
+            if name in named and subject_name:
+                named[subject_name] = named.pop(name)
         given = signature.bind(*positional, **named).arguments
         mechanism = given.get(subject_name)
         own = None

@@ -100,7 +100,8 @@ def asked(path: str, mechanism: bool) -> AxisText:
     `stiffness.free.analytic.x`.
     """
     question, name, *labels = path.replace("_", " ").split(".")
-    kind = get_type_hints(getattr(flexfem, question))["return"]
+    own = None if mechanism else Stage.answering(question)
+    kind = get_type_hints(own or getattr(flexfem, question))["return"]
     of_stage, of_mechanism = get_args(kind) or (kind, kind.of_mechanism)
     kind = of_mechanism if mechanism else of_stage
     quantity = kind.quantities[name.replace(" ", "_")]
