@@ -27,11 +27,11 @@ from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.batch import elements, solved_design
+from flexfem.paper.commanding import element_ranges
 from flexfem.paper.responses import rates_of
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import plate_of
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
-from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
 from flexfem.questions.life import cyclic_motion
 from flexfem.refused import BadInput, ComputationFailed

@@ -17,10 +17,10 @@ import numpy as np
 from random_drives import with_drive
 from random_stages import drawn
 
+from flexfem.paper.commanding import commanding, driven_elements
 from flexfem.paper.drives import drive_of
 from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.paper.stage import Stage
-from flexfem.questions.drive import commanding, driven_elements
 from flexfem.refused import BadInput
 
 CRITERIA = ("least energy", "least stroke")

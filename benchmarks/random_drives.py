@@ -15,9 +15,9 @@ from random_stages import described, drawn
 
 from flexfem.arrays import Array
 from flexfem.paper.bodies import centrelines
+from flexfem.paper.commanding import commanding, driven_elements, push_spread
 from flexfem.paper.model import CALIBRATED, ModelChoice
 from flexfem.paper.stage import Stage
-from flexfem.questions.drive import commanding, driven_elements, push_spread
 from flexfem.refused import BadInput
 
 CARRIERS = ("frame", "link 2")

@@ -53,10 +53,10 @@ def test_type_checkers_know_the_result_of_a_question_about_a_mechanism_and_about
     lines = [
         "import flexfem",
         "from typing import assert_type",
-        "from flexfem.questions.drive import MechanismDrive",
+        "from flexfem.questions.drive import Drive",
         "from flexfem.questions.modes import NaturalModes",
         "def asked(mechanism: flexfem.Mechanism, stage: flexfem.Stage) -> None:",
-        "    assert_type(flexfem.drive(mechanism, solid=True), MechanismDrive)",
+        "    assert_type(flexfem.drive(mechanism, solid=True), Drive)",
         "    assert_type(flexfem.modes(stage=stage, count=3), NaturalModes)",
         "    flexfem.stiffness(3)",
         "    flexfem.gravity(mechanism, angel=3.0)",

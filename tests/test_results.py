@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from flexfem.questions.check import known_formulas
-from flexfem.questions.reach import MechanismReach
+from flexfem.questions.reach import Reach
 from flexfem.questions.stiffness import MechanismSummary
 from flexfem.refused import BadInput
 from flexfem.results import About, Gate, Quantity, Result, number, record_parts
@@ -246,14 +246,14 @@ def test_a_value_below_a_millionth_of_what_matters_is_zero_whatever_its_band():
     ends = np.array([[[[0.0, 0, 0]], [[17e-3, 0.02e-6, 30e-12]]]] * 2)
     band = np.array([[[[0.0, 0, 0]], [[1e-6, 0.4e-9, 230e-12]]]] * 2)
     about = About("one", lever=36.0)
-    found = MechanismReach(about, {"ends": ends}, {"ends": band}, {"model": ("finite elements",)})
+    found = Reach(about, {"ends": ends}, {"ends": band}, {"model": ("finite elements",)})
     assert found.texts("ends", others="free", end="high", model="finite elements")[2] == "0"
     turned = ends + np.array([0, 0, 130e-9])
-    found = MechanismReach(about, {"ends": turned}, {"ends": band}, {"model": ("finite elements",)})
+    found = Reach(about, {"ends": turned}, {"ends": band}, {"model": ("finite elements",)})
     assert found.texts("ends", others="free", end="high", model="finite elements")[2].startswith(
         "130.03 ±"
     )
-    far = MechanismReach(
+    far = Reach(
         about._replace(lever=3.6e5), {"ends": ends}, {"ends": band}, {"model": ("finite elements",)}
     )
     assert far.texts("ends", others="free", end="high", model="finite elements")[2].startswith(

@@ -23,8 +23,8 @@ from flexfem.files.tables import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.paper.commanding import commanding, push_spread
 from flexfem.paper.model import best_model
-from flexfem.questions.drive import commanding, push_spread
 from flexfem.questions.setup import sharp_roots
 from flexfem.questions.stiffness import stiffness
 from flexfem.results import versions

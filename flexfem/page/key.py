@@ -15,11 +15,12 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.page.section import moving_svg, parts
+from flexfem.paper.commanding import DrivenElements, driven_elements
 from flexfem.paper.stage import Stage
 from flexfem.plot.style import NAMES
 from flexfem.questions import bands as comparison
 from flexfem.questions.budget import budget
-from flexfem.questions.drive import DrivenElements, drive, driven_elements
+from flexfem.questions.drive import drive
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness

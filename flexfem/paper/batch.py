@@ -13,15 +13,15 @@ from flexfem.fem.response import Response, heat_response, unit_response
 from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.layout import Payload
 from flexfem.paper import fields
+from flexfem.paper.commanding import element_ranges
 from flexfem.paper.designs import Designs, envelope, lower
+from flexfem.paper.driven import DriveRanges
 from flexfem.paper.equations import Freedoms
 from flexfem.paper.model import at_rest
 from flexfem.paper.responses import DriftRates, in_plane, rates_of
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import layers_of, mesh_sectors, plate_of, sheet_of
 from flexfem.questions.bands import error_matrix, levels, mesh_band
-from flexfem.questions.drive import element_ranges
-from flexfem.questions.driven import DriveRanges
 from flexfem.questions.life import CyclicMotion, Lives, by_elements, by_wrenches, lives
 from flexfem.questions.modes import vibrating
 from flexfem.refused import ComputationFailed

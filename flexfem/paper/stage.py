@@ -27,9 +27,12 @@ from flexfem.paper.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.paper.stage_file import Hinge as Hinge
 from flexfem.paper.stage_file import StageContent, actuators_of, hinges_of, of_drive, of_heat
 
+# module in `flexfem.paper` by question
 ANSWERS: dict[str, str] = {
+    "drive": "drive",
     "gravity": "gravity",
-}  # module in `flexfem.paper` by question
+    "reach": "reach",
+}
 
 
 class Stage(StageContent):

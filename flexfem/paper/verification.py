@@ -35,6 +35,7 @@ from flexfem.mechanism.mechanism_file import MechanismFile, load_mechanism
 from flexfem.paper import warnings
 from flexfem.paper.answers import solid_levels
 from flexfem.paper.case import Case, Curve, LoadedCase
+from flexfem.paper.commanding import limit_warnings
 from flexfem.paper.designs import stage_frames
 from flexfem.paper.equilibrium import at_pose, outwards
 from flexfem.paper.fields import neck_maxima, plane_stress
@@ -45,7 +46,6 @@ from flexfem.paper.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.paper.stage_mesh import plate_of, sheet_of
 from flexfem.questions import bands, plates
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
-from flexfem.questions.drive import limit_warnings
 from flexfem.questions.setup import ModelAnswer, elements_through, question, stack_models
 from flexfem.questions.warnings import of_yield
 from flexfem.refused import BadInput, ComputationFailed

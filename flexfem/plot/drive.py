@@ -18,18 +18,19 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 from flexfem.arrays import Array
 from flexfem.mechanism.plate import body_polygon, extent, plate_polygon
 from flexfem.paper.actuators import BODY_NAMES
+from flexfem.paper.drive import StageDrive
 from flexfem.paper.drives import drive_of
 from flexfem.paper.frames import CHAIN_TURN
+from flexfem.paper.reach import StageReach
 from flexfem.paper.stage import Stage
 from flexfem.plot import style
 from flexfem.plot.plate import draw_plate
 from flexfem.plot.stage import fit, place_label
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, NOTE_COLOUR, PALE, titled
 from flexfem.plot.text import minus, round_factor, significant
-from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Criterion
 from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
-from flexfem.questions.reach import KINDS, Reach
+from flexfem.questions.poses import KINDS
 from flexfem.refused import BadInput, printed
 from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, unit_for
 
@@ -48,7 +49,7 @@ VISIBLE = 0.06  # largest drawn displacement of the platform over the size of th
 
 
 @style.in_house_style
-def command_figure(found: Drive) -> Figure:
+def command_figure(found: StageDrive) -> Figure:
     """Draw a driven stage at a pose: its stacks, and their strokes and forces by criterion."""
     heights = [min(max(0.27 * n + 0.75, 1.9), 9.0) for n in (len(found.command), len(found.stroke))]
     heights[1] = max(heights[1], 5.8 - heights[0])
@@ -92,7 +93,7 @@ def _numbers(values: Any, units: Any) -> str:
     )
 
 
-def plot_strokes(ax: Axes, found: Drive) -> Axes:
+def plot_strokes(ax: Axes, found: StageDrive) -> Axes:
     """Draw the strokes from rest, a bar per actuator and criterion, over the available strokes;
     return `ax`.
     """
@@ -109,7 +110,7 @@ def plot_strokes(ax: Axes, found: Drive) -> Axes:
     return ax
 
 
-def plot_forces(ax: Axes, found: Drive) -> Axes:
+def plot_forces(ax: Axes, found: StageDrive) -> Axes:
     """Draw the forces, a bar per stack and criterion, with preloads and, below, the blocking force;
     return `ax`.
     """
@@ -149,7 +150,7 @@ def _label_rows(ax: Axes, names: list[str]) -> None:
     style.name_rows(ax, names, 1.6, 8.5 if len(names) <= 24 else 6.0)
 
 
-def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") -> Axes:
+def plot_drive(ax: Axes, found: StageDrive, criterion: Criterion = "least energy") -> Axes:
     """Draw a stage, in mm, with its stacks, their strokes and forces, and its platform at the pose.
 
     Stacks are numbered from 1 as in the record and are not to scale. The arrow at each contact is
@@ -233,7 +234,7 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
     return ax
 
 
-def platform_factor(found: Drive) -> float:
+def platform_factor(found: StageDrive) -> float:
     """Return the round factor that multiplies the platform's displacement in a drawing; 1 when
     there is none.
     """
@@ -278,7 +279,7 @@ LIMIT_HATCHES = dict(zip(KINDS, ("", "////", "\\\\\\\\", "...."), strict=True))
 
 
 @style.in_house_style
-def reach_figure(found: Reach) -> Figure:
+def reach_figure(found: StageReach) -> Figure:
     """Draw the reachable poses with the limits that bound them: the section at theta = 0, and the
     solid.
     """
@@ -299,7 +300,7 @@ def reach_figure(found: Reach) -> Figure:
     return figure
 
 
-def plot_section(ax: Axes, found: Reach) -> Axes:
+def plot_section(ax: Axes, found: StageReach) -> Axes:
     """Draw the reachable poses at theta = 0, with edges by kind of limit; return `ax`."""
     unit = COMMANDS[0]
     section = found.fields.section
@@ -346,7 +347,7 @@ def _sorted_kinds(combinations: set[tuple[str, ...]]) -> list[tuple[str, ...]]:
     return sorted(combinations, key=lambda kinds: [KINDS.index(kind) for kind in reversed(kinds)])
 
 
-def plot_solid(ax: Any, found: Reach) -> Any:
+def plot_solid(ax: Any, found: StageReach) -> Any:
     """Draw all reachable poses as a solid on axes of projection 3d, with faces by kind of limit;
     return `ax`.
 

@@ -41,7 +41,7 @@ from flexfem.questions.ranges import (
     described,
     ranges,
 )
-from flexfem.questions.reach import of_mechanism, reach
+from flexfem.questions.reach import motion_by_strokes, reach
 from flexfem.questions.setup import (
     DEFAULT,
     ELASTIC,
@@ -1192,7 +1192,8 @@ def summary(
             bands |= {name: lifted.bands[name] for name in lifted.bands if name == "lifted_free"}
         if stage.layout.actuators:
             layers = setup.elements_through(solid, thickness_resolution)
-            reached = of_mechanism(stage, plates.mesh_of(stage, models, resolution, layers), models)
+            at = plates.mesh_of(stage, models, resolution, layers)
+            reached = motion_by_strokes(stage, at, models)
             drive = (
                 "drive min, max: range of the drive with all actuators "
                 f"({reached.axes['model'][-1]})"

@@ -26,6 +26,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.paper import responses
 from flexfem.paper.batch import LOWEST, batch_at_rest, solved_design
+from flexfem.paper.driven import drive_ranges
 from flexfem.paper.drives import drive_of, drives_of
 from flexfem.paper.equations import freedoms_of, mobility
 from flexfem.paper.feasibility import Broken, conditions
@@ -33,7 +34,7 @@ from flexfem.paper.links import body_compliance, edge_motions
 from flexfem.paper.model import analyse, hinge_compliances, in_range, invalid_hinges
 from flexfem.paper.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.driven import Driven, drive_ranges
+from flexfem.questions.driven import Driven
 from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed

@@ -85,7 +85,7 @@ def axis_of(loaded: LoadedStudy, name: str) -> AxisText:
         return factor(column)
     if derived := next((derived for derived in study.output if derived.name == name), None):
         return AxisText(derived.label or name, derived.unit or "")
-    return asked(name, study.on_mechanism) if name in study.ask else output(name, study)
+    return asked(name, loaded.base) if name in study.ask else output(name, study)
 
 
 def output(column: str, study: Study | None = None) -> AxisText:
@@ -95,8 +95,8 @@ def output(column: str, study: Study | None = None) -> AxisText:
     return AxisText(name, unit_of(column).name, column == "life_cycles")
 
 
-def asked(path: str, mechanism: bool) -> AxisText:
-    """Return the meaning and unit of a number of a result at a path such as
+def asked(path: str, mechanism: Mechanism) -> AxisText:
+    """Return the meaning and unit of a number of a result about a mechanism at a path such as
     `stiffness.free.analytic.x`.
     """
     question, name, *labels = path.replace("_", " ").split(".")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from flexfem.hinges.chart import Compliance
+from flexfem.paper.commanding import commanding
 from flexfem.paper.contacts import FOLLOWS, placed_stack
 from flexfem.paper.designs import stage_frames
 from flexfem.paper.drives import drive_of
@@ -17,7 +18,6 @@ from flexfem.paper.equations import joints_of, stiffness
 from flexfem.paper.equilibrium import loaded, serial, under_load
 from flexfem.paper.model import ModelChoice, analyse, assemble
 from flexfem.paper.stage import load_stage
-from flexfem.questions.drive import commanding
 from flexfem.refused import ComputationFailed
 
 from ..tolerances import DENSE

@@ -31,8 +31,8 @@ from flexfem.page.section import (
     shown_figure,
     table,
 )
+from flexfem.paper.commanding import driven_elements
 from flexfem.plot.style import house_style
-from flexfem.questions.drive import driven_elements
 from flexfem.questions.stiffness import MechanismStiffness, Stiffness
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, About, TextTable

@@ -1,5 +1,5 @@
 """All limits of the commands of a driven stage as explicit half-spaces, a slow reference of
-`CommandLimits`.
+`StageLimits`.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from itertools import product
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.questions.driven import CommandLimits
+from flexfem.paper.driven import StageLimits
 
 
-def half_spaces(limits: CommandLimits) -> tuple[Array, Array]:
+def half_spaces(limits: StageLimits) -> tuple[Array, Array]:
     """Rows (k, m) and bounds (k,) of one stage, of strokes and forces, then of both signs at all
     sections of necks.
     """

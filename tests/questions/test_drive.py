@@ -13,12 +13,12 @@ from matplotlib.quiver import Quiver
 
 import flexfem
 from flexfem.commands import cli
+from flexfem.paper.drive import StageDrive
 from flexfem.paper.drives import drive_of
 from flexfem.paper.fields import driven_response
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.plot.drive import plot_drive, plot_forces, plot_strokes, stack_ends
-from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Driven
 
 from ..conftest import ROOT
@@ -32,7 +32,7 @@ RIM = 17.0 * np.exp(1j * np.deg2rad(100.0))  # mm
 
 
 @pytest.fixture(scope="module")
-def found(stage) -> Drive:
+def found(stage) -> StageDrive:
     return flexfem.drive(stage, pose=POSE, resolution=3)
 
 
@@ -232,7 +232,7 @@ def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys, 
 
 
 @pytest.fixture(scope="module")
-def drawn(stage) -> Drive:
+def drawn(stage) -> StageDrive:
     """Unlike chains; a pair on the frame, a weak single stack that link 2 carries, one on the
     platform.
     """

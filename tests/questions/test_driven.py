@@ -7,16 +7,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexfem.paper.commanding import calibration, commanding, driven_elements
 from flexfem.paper.contacts import Push, Stack
 from flexfem.paper.drives import ActuatorSet, drive_of
 from flexfem.paper.equations import inverse_kinematics, stiffness
 from flexfem.paper.fields import neck_wrenches
 from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
+from flexfem.paper.reach import pose_set
 from flexfem.paper.stage import Stage, load_stage
 from flexfem.paper.stage_mesh import plate_of
-from flexfem.questions.drive import calibration, commanding, driven_elements
 from flexfem.questions.driven import CRITERIA, Driven
-from flexfem.questions.reach import pose_set
 from flexfem.refused import ComputationFailed
 
 from ..conftest import ROOT

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.paper.commanding import commanding, driven_elements, left_open
 from flexfem.paper.drives import drive_of
 from flexfem.paper.equations import stiffness
 from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
 from flexfem.paper.responses import driven_model
 from flexfem.paper.stage import load_stage
-from flexfem.questions.drive import commanding, driven_elements, left_open
 from flexfem.questions.driven import Driven
 from flexfem.refused import BadInput
 

@@ -16,6 +16,7 @@ import flexfem
 from flexfem.fem.factor import Factoriser
 from flexfem.fem.nonlinear import LargeStructure
 from flexfem.fem.structure import structure
+from flexfem.paper.commanding import commanding, driven_elements
 from flexfem.paper.contacts import FOLLOWS
 from flexfem.paper.drives import drive_of
 from flexfem.paper.equilibrium import loaded, serial
@@ -24,7 +25,6 @@ from flexfem.paper.frames import chain_rotation
 from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.paper.stage import load_stage
 from flexfem.paper.stage_mesh import plate_of
-from flexfem.questions.drive import commanding, driven_elements
 from flexfem.questions.driven import Driven
 
 from ..tolerances import DENSE

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from flexfem.questions.driven import farthest
+from flexfem.questions.simplex import farthest
 
 from ..tolerances import DENSE
 

@@ -14,20 +14,17 @@ from matplotlib.collections import LineCollection
 from scipy.optimize import linprog
 
 import flexfem
+from flexfem.paper.commanding import Commanding, commanding, driven_elements
 from flexfem.paper.designs import lower
+from flexfem.paper.driven import drive_ranges, stress_along
 from flexfem.paper.drives import ActuatorSet, drive_of
 from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
+from flexfem.paper.polytope import polytope_of
+from flexfem.paper.reach import StageReach, pose_set
 from flexfem.paper.stage import Stage, load_stage
 from flexfem.plot.drive import reach_figure
-from flexfem.questions.drive import Commanding, commanding, driven_elements
-from flexfem.questions.driven import (
-    CommandLimits,
-    Driven,
-    drive_ranges,
-    stress_along,
-    stroke_limits,
-)
-from flexfem.questions.reach import PoseSet, Reach, pose_set
+from flexfem.questions.driven import CommandLimits, Driven, stroke_limits
+from flexfem.questions.poses import PoseSet
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS
 
@@ -80,7 +77,7 @@ def modelled(stage: Stage) -> Commanding:
 
 def reach(
     stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **others: object
-) -> Reach:
+) -> StageReach:
     return flexfem.reach(stage, load=load, models=models, **others)
 
 
@@ -90,12 +87,12 @@ def poses_of(stage: Stage) -> PoseSet:
 
 
 @pytest.fixture(scope="module")
-def reached(stage) -> Reach:
+def reached(stage) -> StageReach:
     """Without load."""
     return reach(stage, NONE)
 
 
-def ends(found: Reach, name: str) -> np.ndarray:
+def ends(found: StageReach, name: str) -> np.ndarray:
     """Ranges in um, um, mrad."""
     return 1e3 * found.at("ends", others=name, model=ANALYTIC).T
 
@@ -107,12 +104,10 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     of = Driven(
         np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), drive
     )
-    necks = np.zeros((3, 1, 9, 1)), np.zeros((3, 1, 9, 3)), np.zeros((3, 1, 9)), np.ones(1)
-    poses = PoseSet(
-        of, CommandLimits(rows[None], np.append(np.ones(6), [1.5, 3.0])[None], *necks), NONE
-    )
+    bounds = np.append(np.ones(6), [1.5, 3.0])
+    poses = PoseSet(of, CommandLimits(rows[None], bounds[None]), NONE)
     poses.names = [*(f"stroke of {k}" for k in range(6)), "contact of 0", "contact of 1"]
-    found = poses.solid(2.0)
+    found = polytope_of(poses, 2.0)
     corners = {(-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)}
     assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == {
         (*c, z) for c in corners for z in (-1, 1)
@@ -138,7 +133,7 @@ def test_strokes_alone_reach_a_zonotope(stage):
     |det|.
     """
     one = modelled(stage)
-    found = poses_of(stage).solid(LEVER)
+    found = polytope_of(poses_of(stage), LEVER)
     G = one.system.poses * 8.7e-3
     assert (found.dimension, len(found.vertices), len(found.faces)) == (
         3,
@@ -342,9 +337,9 @@ def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
 def test_a_set_of_too_many_vertices_says_how_far_it_misses_poses(stage, monkeypatch):
     soft = stage.replace(material=stage.material.model_copy(update={"yield_strength": 50.0}))
     poses = poses_of(soft)
-    whole = poses.solid(LEVER)
-    monkeypatch.setattr("flexfem.questions.reach.MOST", 20)
-    part = poses.solid(LEVER)
+    whole = polytope_of(poses, LEVER)
+    monkeypatch.setattr("flexfem.paper.polytope.MOST", 20)
+    part = polytope_of(poses, LEVER)
     beyond = np.max(whole.vertices * SCALE @ part.normals.T, axis=0) - part.supports
     assert whole.missed == 0 and 20 >= len(part.vertices) < len(whole.vertices)
     assert (

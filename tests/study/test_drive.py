@@ -11,11 +11,11 @@ import pytest
 from scipy.optimize import linprog
 
 from flexfem.arrays import Array
+from flexfem.paper.commanding import commanding, driven_elements
 from flexfem.paper.drives import drive_of
 from flexfem.paper.model import ModelChoice
+from flexfem.paper.reach import pose_set
 from flexfem.paper.stage import Stage
-from flexfem.questions.drive import commanding, driven_elements
-from flexfem.questions.reach import pose_set
 from flexfem.refused import BadInput
 from flexfem.study.answer import UNMOVED, answer, answer_designs
 from flexfem.study.columns import DRIVE_RANGES, ENGAGED
