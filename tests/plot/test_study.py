@@ -10,6 +10,7 @@ import pytest
 from matplotlib.collections import PolyCollection, QuadMesh
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 
+import flexfem
 from flexfem.plot.study import (
     distribution_figure,
     edges,
@@ -435,5 +436,6 @@ def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
     ],
 )
 def test_a_path_becomes_words_with_the_unit(path: str, mechanism: bool, said: str) -> None:
-    name = "parallelogram" if mechanism else "mobility6"
-    assert asked(path, flexfem.load(ROOT / "geometry" / f"{name}.toml")).label == said
+    name = "xy-stage" if mechanism else "mobility6"
+    about = flexfem.load(Path(__file__).parents[2] / "geometry" / f"{name}.toml")
+    assert asked(path, about).label == said
