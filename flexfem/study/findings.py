@@ -100,10 +100,11 @@ def asked(path: str, mechanism: Mechanism) -> AxisText:
     `stiffness.free.analytic.x`.
     """
     question, name, *labels = path.replace("_", " ").split(".")
-    own = None if mechanism else Stage.answering(question)
+    own = mechanism.answering(question)
     kind = get_type_hints(own or getattr(flexfem, question))["return"]
-    of_stage, of_mechanism = get_args(kind) or (kind, kind.of_mechanism)
-    kind = of_mechanism if mechanism else of_stage
+    if own is None:
+        of_stage, of_mechanism = get_args(kind) or (kind, kind.of_mechanism)
+        kind = of_stage if isinstance(mechanism, Stage) else of_mechanism
     quantity = kind.quantities[name.replace(" ", "_")]
     if len(labels) != len(quantity.over):
         return AxisText(path)
