@@ -1,16 +1,19 @@
-"""Validated tables of a mechanism file in N-mm-MPa-rad; every number may be an expression of
-parameters.
+"""Validated tables of a mechanism file in N-mm-MPa-rad; every number may be an expression.
 
 An expression is in the unit of its key, and names parameters without their units. Its value keeps
-its text, so that a mechanism can be written, and changed by its parameters."""
+its text, so that a mechanism can be written, and changed by its parameters.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field, ModelWrapValidatorHandler, model_validator
 
+from flexfem.files.expressions import parameter_values
 from flexfem.files.quantities import (
+    KNOWN,
     Coordinate,
     Count,
     ForceOrZero,
@@ -19,12 +22,15 @@ from flexfem.files.quantities import (
     Length,
     LengthOrZero,
     Turn,
+    Unlimited,
 )
 from flexfem.files.refusals import refusal
-from flexfem.files.tables import Label, Table, one_form
+from flexfem.files.tables import UNCHANGEABLE, Label, Table, Unchangeable, one_form
 from flexfem.mechanism.actuators import RatedActuator
-from flexfem.mechanism.materials import PartMaterial
+from flexfem.mechanism.materials import Frame, Material, PartMaterial
+from flexfem.mechanism.mechanism import Mechanism
 
+Reduction: TypeAlias = Literal["three_dimensional", "plane_stress", "plane_strain"]
 MOST = 5000  # corners of one outline
 
 
@@ -303,3 +309,52 @@ class OutputPayload(Table):
     """Mass of the payload"""
     inertia: Inertia = Field(default=0.0, alias="inertia_kg_mm2", examples=[20.0])
     """Moment of inertia about the normal of the plate through the output"""
+
+
+class MechanismTables(Mechanism):
+    """The tables of a mechanism file."""
+
+    kind: ClassVar[str] = "mechanism file"
+
+    name: Label = Field(examples=["parallelogram"])
+    """Name of the mechanism in tables and figures"""
+    model: Reduction = "three_dimensional"
+    """Model of finite elements: `three_dimensional`, or plane ones: `plane_stress`, for a plate
+    that is thin compared with its necks, or `plane_strain`, for a plate whose faces are held """
+    thickness: Length = Field(alias="thickness_mm", examples=[10.0])
+    """Thickness of the plate"""
+    material: Material
+    """Material of the plate, isotropic; bodies and hinges may have one of their own"""
+    parameters: Annotated[Mapping[str, Unlimited], UNCHANGEABLE] = Field(
+        default_factory=Unchangeable, examples=[{"length_mm": 50.0, "gap_mm": "length / 2"}]
+    )
+    """Numbers by name, which other numbers of the file may use. A name ends in its unit, such as
+    _mm or _deg, or has none; expressions use it without the unit. Every number of the file may be
+    an expression in quotes, in the unit of its key: numbers, names, `+ - * / **`, brackets, abs,
+    sqrt, exp, log, log10, min, max, and sin, cos, tan, atan in degrees """
+    body: tuple[PlateBody, ...] = Field(min_length=1)
+    """A body; bodies may be drawn as far as the centres of hinges, which cut them"""
+    hinge: tuple[PlateHinge, ...] = ()
+    """A hinge between two bodies"""
+    copies: tuple[Copies, ...] = Field(default=(), alias="copy")
+    """Copies of parts, rotated or mirrored; several of them apply in their order"""
+    actuator: tuple[PlateActuator, ...] = ()
+    """A linear actuator between two bodies, or between the ground and a body"""
+    output: OutputPoint
+    """Point at which the mechanism is loaded and its pose is read"""
+    frame: Frame = Field(default_factory=Frame)
+    """Frame to which the plate is fixed. Only thermal drift uses it"""
+    payload: OutputPayload | None = None
+    """Rigid payload at the output"""
+    point: tuple[NamedPoint, ...] = ()
+    """Another point whose motion is read"""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_parameters(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        stated = data.get("parameters", {}) if isinstance(data, dict) else {}
+        token = KNOWN.set(parameter_values(stated) if isinstance(stated, Mapping) else {})
+        try:
+            return handler(data)
+        finally:
+            KNOWN.reset(token)

@@ -14,10 +14,11 @@ from pydantic import ValidationError
 from flexfem.files.inches import in_millimetres
 from flexfem.files.refusals import KeyPath, one_line, path_of, problems_of, sentence
 from flexfem.files.toml import PathLike, TomlFile, read_toml
+from flexfem.mechanism.assembly import layout_of
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.materials import with_material_of_file
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile, layout_of, read_mechanism
+from flexfem.mechanism.mechanism_file import MechanismFile, read_mechanism
 from flexfem.mechanism.plate import ungrounded
 from flexfem.refused import BadInput
 

@@ -17,13 +17,14 @@ from flexfem.files.refusals import key_path
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
+from flexfem.mechanism.assembly import GROUND
 from flexfem.mechanism.content import located
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.gaps import names_of_parts, smallest_gaps
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism, of_stage
-from flexfem.mechanism.mechanism_file import GROUND, MechanismFile, Reduction
-from flexfem.mechanism.parts import PlateBody
+from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.mechanism.parts import PlateBody, Reduction
 from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon
 from flexfem.mechanism.profiles import FILE_KEYS
 from flexfem.paper.designs import stage_frames
