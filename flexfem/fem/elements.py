@@ -1,5 +1,4 @@
-"""Curved quadratic triangles in the plane, and wedges: these triangles times quadratic segments
-through the thickness.
+"""Curved quadratic triangles, and wedges: these times quadratic segments through the thickness.
 
 A shape function is the product of one of the triangle, phi, and one of the line through the
 thickness, psi; a plane element has psi = 1. The stiffness of two nodes of the plane is a sum of
@@ -20,9 +19,8 @@ from flexfem.fem.mesh import NODES, StageMesh, gradients, quadrature, shape_func
 # three points: exact on straight triangles; error 2e-6 on the default mesh, whose own error is 6e-5
 QUADRATURE = 2
 SOLID_QUADRATURE = 4  # of products of two quadratic shape functions
-MASS_QUADRATURE = (
-    6  # of products of shape functions times the Jacobian determinant of a curved triangle: exact
-)
+# of products of shape functions times the Jacobian determinant of a curved triangle: exact
+MASS_QUADRATURE = 6
 LINE_POINTS = 3  # of Gauss in every layer: exact for products of two quadratic shape functions
 CHUNK = 20_000  # triangles integrated at once
 # triangles whose matrices are computed at once: they fit the cache of a processor, and memory is
@@ -56,30 +54,33 @@ class Plate(NamedTuple):
         )
 
     def lame(self, axes: int, dimensions: int = 1) -> tuple[Any, Any]:
-        """Lame constants, MPa, for 3 axes, or for plane stress with 2: `lambda* = E nu / (1 -
-        nu^2)`, same mu.
+        """Return the Lame constants lambda and mu, MPa, for 3 axes, or for plane stress with 2.
 
-        Those of triangles have the shape (m, 1, ...) of an array with so many dimensions, of which
-        it is the first."""
+        In plane stress `lambda* = E nu / (1 - nu^2)`, with the same mu.
+
+        dimensions : of the arrays (m, 1, ...) of triangles with different materials.
+        """
         e = self.youngs_modulus
         nu = self.poissons_ratio
         if self.mixed:
-            e, nu = (np.reshape(each, (-1, *[1] * (dimensions - 1))) for each in (e, nu))
-        return e * nu / ((1 - nu**2) if axes == 2 else (1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
+            shape = (-1, *[1] * (dimensions - 1))
+            e = np.reshape(e, shape)
+            nu = np.reshape(nu, shape)
+        stretching = (1 - nu**2) if axes == 2 else (1 + nu) * (1 - 2 * nu)
+        return e * nu / stretching, e / (2 * (1 + nu))
 
 
 def segment_functions(s: Array) -> tuple[Array, Array]:
-    """Values and slopes (3 nodes, z) of the quadratic shape functions at points (z,) of a segment
-    from -1 to 1.
+    """Values and slopes (3 nodes, z) of the quadratic shape functions on a segment from -1 to 1.
+
+    s : (z,), points.
     """
-    return np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2]), np.array(
-        [s - 0.5, -2 * s, s + 0.5]
-    )
+    values = np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2])
+    return values, np.array([s - 0.5, -2 * s, s + 0.5])
 
 
 class Layers(NamedTuple):
-    """Nodes of a line through the thickness and their constraints: quadratic segments, or one node
-    in the plane.
+    """Nodes of a line through the thickness, of quadratic segments, or one node in the plane.
 
     heights : (m,), mm, of the nodes above the mid-plane, ascending: ends and middles of the layers.
     values, slopes : (m, z), of the shape functions at the Gauss points; slopes in 1/mm.
@@ -118,17 +119,15 @@ class Layers(NamedTuple):
         count = len(self.heights)
         slopes = np.zeros((count, count))
         adjacent = np.zeros(count)
+        slopes_of_segment = 2 * segment_functions(np.array([-1.0, 0.0, 1.0]))[1]
         for first in range(0, count - 1, 2):
             at = slice(first, first + 3)
-            slopes[at, at] += (
-                2 * segment_functions(np.array([-1.0, 0.0, 1.0]))[1] / np.ptp(self.heights[at])
-            )
+            slopes[at, at] += slopes_of_segment / np.ptp(self.heights[at])
             adjacent[at] += 1.0
         return self._replace(values=np.eye(count), slopes=slopes / np.maximum(adjacent, 1.0))
 
     def rigid(self, nodes: Array) -> Array:
-        """Displacements (n, m, d, 3) of nodes of the plane (n, 2), mm, per unit pose x, y, theta of
-        a rigid body.
+        """Displacements (n, m, d, 3) of nodes (n, 2), mm, per unit pose of a rigid body.
 
         Out of the plane the pose is Z and the rotations a, b about x and y: `u = b z, v = -a z, w =
         Z + a y - b x`."""
@@ -141,7 +140,8 @@ class Layers(NamedTuple):
             rigid[:, :, 2, 1] = y
             rigid[:, :, 2, 2] = -x
         else:
-            rigid[:, :, 0, 0] = rigid[:, :, 1, 1] = 1.0
+            rigid[:, :, 0, 0] = 1.0
+            rigid[:, :, 1, 1] = 1.0
             rigid[:, :, 0, 2] = -y
             rigid[:, :, 1, 2] = x
         return rigid
@@ -153,8 +153,9 @@ def sheet(thickness: float) -> Layers:
 
 
 def mirrored(thickness: float, number: int, surface: float) -> Layers:
-    """Return layers of the upper half of the thickness, thinner towards the free face; integrals
-    cover both halves.
+    """Return layers of the upper half of the thickness, thinner towards the free face.
+
+    Integrals cover both halves.
 
     surface : mm, depth below the face within which layers are thin, about the width of a neck:
     there its stress varies."""
@@ -174,14 +175,14 @@ def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layer
     psi, slope = segment_functions(s)
     height = np.diff(bounds)
     count = len(bounds) - 1
-    heights = np.concatenate(
-        [np.column_stack([bounds[:-1], bounds[:-1] + height / 2]).ravel(), bounds[-1:]]
-    )
+    lower = np.column_stack([bounds[:-1], bounds[:-1] + height / 2])
+    heights = np.append(lower, bounds[-1:])
     values, slopes = np.zeros((2, 2 * count + 1, LINE_POINTS * count))
     for layer in range(count):
-        at = slice(2 * layer, 2 * layer + 3), slice(LINE_POINTS * layer, LINE_POINTS * (layer + 1))
-        values[at] = psi
-        slopes[at] = slope * 2 / height[layer]
+        nodes = slice(2 * layer, 2 * layer + 3)
+        points = slice(LINE_POINTS * layer, LINE_POINTS * (layer + 1))
+        values[nodes, points] = psi
+        slopes[nodes, points] = slope * 2 / height[layer]
     return Layers(heights, values, slopes, np.outer(copies * height / 2, w).ravel(), held)
 
 
@@ -216,21 +217,20 @@ class ElementBatch(NamedTuple):
             )
 
     def assembly(self, nodes: int) -> tuple[Index, sp.csc_array]:
-        """Nodes (c,) of these triangles in a mesh of `nodes`, and the matrix (c, 6 e) that sums
-        element values.
+        """Nodes (c,) of these triangles in a mesh, and the matrix (c, 6 e) that sums element values.
+
+        nodes : number of nodes of the mesh.
         """
         used = np.zeros(nodes, dtype=bool)
         used[self.triangles] = True
         own = np.flatnonzero(used)
         columns = np.arange(self.triangles.size + 1)
         rows = (np.cumsum(used) - 1)[self.triangles].ravel()
-        return own, sp.csc_array(
-            (np.ones(columns[-1]), rows, columns), shape=(len(own), columns[-1])
-        )
+        shape = (len(own), columns[-1])
+        return own, sp.csc_array((np.ones(columns[-1]), rows, columns), shape=shape)
 
     def slopes(self, line: Layers, fields: Array) -> Array:
-        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3),
-        mm.
+        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3), mm.
 
         Displacements relative to the first node are used, so that large rigid motions cancel
         without round-off."""
@@ -250,8 +250,9 @@ class ElementBatch(NamedTuple):
         return np.asarray(slopes.reshape(*slopes.shape[:4], -1))
 
     def add_forces(self, forces: Array, line: Layers, stress: Array) -> None:
-        """Add to `forces` (k, n, ...), N, the balance of stresses (k, e, d, d, q z): `f_ia = int
-        s_ab d_b phi_i dV`.
+        """Add the nodal forces of stresses (k, e, d, d, q z) to `forces` (k, n, ...), N.
+
+        They are `f_ia = int s_ab d_b phi_i dV`.
         """
         weighted = stress.reshape(*stress.shape[:4], -1, len(line.weights))
         weighted = weighted * (self.weights[:, :, None] * line.weights)[:, None, None]
@@ -271,8 +272,9 @@ class ElementBatch(NamedTuple):
         forces[:, own] += np.moveaxis(total.reshape(len(own), len(forces), *forces.shape[2:]), 1, 0)
 
     def stiffness(self, plate: Plate, axes: int) -> Array:
-        """Coefficients (e, 6, 6, l, d, d) of the l matrices of the line in the stiffness between
-        nodes of the plane.
+        """Coefficients (e, 6, 6, l, d, d) of the l matrices of the line in the stiffness.
+
+        They are those between nodes of the plane.
 
         plate : of these triangles.
 
@@ -280,11 +282,10 @@ class ElementBatch(NamedTuple):
         -----
         The weak form is `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`; with `g = int d_a phi_i
         d_b phi_j dA` its plane part is `lambda g_ab + mu g_ba + mu delta_ab g_cc`."""
-        e = len(self.triangles)
-        phi = self.phi
-        lame, mu = plate.lame(axes, 3)
-        root = (self.gradients * np.sqrt(self.weights)[:, None, None]).reshape(e, 12, -1)
-        g = (root @ root.transpose(0, 2, 1)).reshape(e, 6, 2, 6, 2)
+        count = len(self.triangles)
+        root = (self.gradients * np.sqrt(self.weights)[:, None, None]).reshape(count, 12, -1)
+        g = (root @ root.transpose(0, 2, 1)).reshape(count, 6, 2, 6, 2)
+        mu = plate.lame(axes, 3)[1]
         laplace = mu * (g[:, :, 0, :, 0] + g[:, :, 1, :, 1])
         stretched, sheared = plate.lame(axes, 5)
         plane = stretched * g + sheared * g.transpose(0, 1, 4, 3, 2)
@@ -293,15 +294,26 @@ class ElementBatch(NamedTuple):
         plane = plane.transpose(0, 1, 3, 2, 4)
         if axes == 2:
             return np.asarray(plane[:, :, :, None])
-        blocks = np.zeros((e, 6, 6, 4, 3, 3))
+        blocks = self._stiffness_along_z(plate)
         blocks[..., 0, :2, :2] = plane
         blocks[..., 0, 2, 2] = laplace
+        return blocks
+
+    def _stiffness_along_z(self, plate: Plate) -> Array:
+        """The coefficients (e, 6, 6, 4, 3, 3) of `stiffness` of matrices with slopes of the line.
+
+        Those of the first matrix are zero.
+        """
+        count = len(self.triangles)
+        phi = self.phi
+        blocks = np.zeros((count, 6, 6, 4, 3, 3))
         a = np.einsum("eiaq,jq,eq->eija", self.gradients, phi, self.weights, optimize=True)
         mass = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True)
         transposed = a.swapaxes(1, 2)
+        lame, mu = plate.lame(3, 3)
         for axis, modulus in enumerate((mu, mu, lame + 2 * mu)):
             blocks[..., 1, axis, axis] = mass * modulus
-        lame, mu = plate.lame(axes, 4)
+        lame, mu = plate.lame(3, 4)
         blocks[..., 2, :2, 2] = lame * a
         blocks[..., 2, 2, :2] = mu * a
         blocks[..., 3, :2, 2] = mu * transposed
@@ -322,8 +334,9 @@ def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]
 
 
 def stress_tensor(plate: Plate, slopes: Array) -> Array:
-    """Stress (..., d, d, q), MPa, of displacement gradients `d_b u_a` (..., d, d, q): plane for d =
-    2, else solid.
+    """Stress (..., d, d, q), MPa, of displacement gradients `d_b u_a` (..., d, d, q).
+
+    It is that of plane stress for d = 2.
 
     The gradients are (..., e, d, d, q) of a plate whose e triangles have different materials.
     """
@@ -369,8 +382,7 @@ def highest_stress(stress: Array, loads: Array, ratio: float) -> Array:
 
 
 class Pairs(NamedTuple):
-    """Pairs of nodes of the plane that share a triangle, row >= column, as a sparse pattern by
-    rows.
+    """Pairs of nodes that share a triangle, row >= column, as a sparse pattern by rows.
 
     columns, starts : (p,) and (n + 1,), of the pattern, columns ascending: the last of a row is its
     diagonal.
@@ -386,52 +398,60 @@ class Pairs(NamedTuple):
 
 
 def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_array:
-    """Assemble the lower triangle of a symmetric matrix, whose unknowns are
-    `Layers.free_components` of every node.
+    """Assemble the lower triangle of a symmetric matrix.
+
+    The unknowns are `Layers.free_components` of every node.
 
     blocks : (e, 6, 6, l, d, d), of the triangles in their order, coefficients of the matrices (l,
     m, m) of the line:
         `int psi_k psi_l dz`, and for layers also those of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k
         psi_l`.
     """
-    psi = line.values
-    slope = line.slopes
-    axes = line.axes
-    free = line.free_components
-    products = [(psi, psi), (slope, slope), (psi, slope), (slope, psi)][: 1 if axes == 2 else 4]
-    matrices = np.array([(left * line.weights) @ right.T for left, right in products])
-    first = 0
-    at = 0
-    parts = np.empty((len(matrices) * axes**2, len(pairs.number)))
-    for block in blocks:
-        chosen = pairs.chosen[first : first + len(block)]
-        found = block.reshape(chosen.size, -1)[
-            np.flatnonzero(chosen)
-        ]  # four times faster than a mask
-        parts[:, at : at + len(found)] = found.T
-        first = first + len(block)
-        at = at + len(found)
-    plane = np.array([np.bincount(pairs.number, part) for part in parts])
-    del parts  # frees its memory
-    node, axis = np.divmod(free, axes)  # of the unknowns of a node of the plane
-    i, j = np.nonzero(
-        ((psi != 0).astype(float) @ (psi != 0).T)[np.ix_(node, node)]
-    )  # their nodes share a layer
-    factors = np.zeros((len(matrices), axes, axes, len(i)))
+    matrices = _line_matrices(line)
+    plane = _summed_blocks(pairs, blocks, len(matrices) * line.axes**2)
+    node, axis = np.divmod(
+        line.free_components, line.axes
+    )  # of the unknowns of a node of the plane
+    on_points = (line.values != 0).astype(float)
+    i, j = np.nonzero((on_points @ on_points.T)[np.ix_(node, node)])  # their nodes share a layer
+    factors = np.zeros((len(matrices), line.axes, line.axes, len(i)))
     factors[:, axis[i], axis[j], np.arange(len(i))] = matrices[:, node[i], node[j]]
     values = plane.T @ factors.reshape(len(plane), -1)
     values[np.ix_(pairs.starts[1:] - 1, j > i)] = 0.0  # above the diagonal
     count = len(pairs.starts) - 1
-    size = len(free)
-    rows = np.repeat(size * np.arange(count, dtype=np.int32), np.diff(pairs.starts))[
-        :, None
-    ] + i.astype(np.int32)
+    size = len(node)
+    first_rows = np.repeat(size * np.arange(count, dtype=np.int32), np.diff(pairs.starts))
+    rows = first_rows[:, None] + i.astype(np.int32)
     columns = size * pairs.columns[:, None] + j.astype(np.int32)
-    lower = sp.coo_array(
-        (values.ravel(), (rows.ravel(), columns.ravel())), shape=(size * count, size * count)
-    ).tocsr()
+    entries = (values.ravel(), (rows.ravel(), columns.ravel()))
+    lower = sp.coo_array(entries, shape=(size * count, size * count)).tocsr()
     lower.eliminate_zeros()
     return lower
+
+
+def _line_matrices(line: Layers) -> Array:
+    """Matrices (l, m, m) of the line in the order of `assembled`."""
+    psi = line.values
+    slope = line.slopes
+    products = [(psi, psi)]
+    if line.axes == 3:
+        products += [(slope, slope), (psi, slope), (slope, psi)]
+    return np.array([(left * line.weights) @ right.T for left, right in products])
+
+
+def _summed_blocks(pairs: Pairs, blocks: Iterable[Array], size: int) -> Array:
+    """Sums (size, p) over the triangles of their blocks at every pair of nodes."""
+    parts = np.empty((size, len(pairs.number)))
+    first = 0
+    at = 0
+    for block in blocks:
+        chosen = pairs.chosen[first : first + len(block)]
+        # indices are four times faster than a mask
+        found = block.reshape(chosen.size, -1)[np.flatnonzero(chosen)]
+        parts[:, at : at + len(found)] = found.T
+        first += len(block)
+        at += len(found)
+    return np.array([np.bincount(pairs.number, part) for part in parts])
 
 
 def nodal_stress(
@@ -443,51 +463,60 @@ def nodal_stress(
     strain: Callable[[Array], Array] | None = None,
     part: int | None = None,
 ) -> Array:
-    """Stress (..., c, 2, 2), MPa, at all or chosen nodes (c,) of fields (..., n, 2), mm, averaged
-    over the elements.
+    """Stress (..., c, 2, 2), MPa, at nodes of fields (..., n, 2), mm, averaged over the elements.
 
-    With layers the stress is (..., c, m, 3, 3) and fields are (..., n, m, 3). `strain` is a
-    function of displacement gradients; by default it is their symmetric part. Of a plate with
-    different materials, elements of the body `part` alone count, whose nodes are chosen: the stress
-    is not continuous between materials."""
+    chosen : (c,), nodes, by default all.
+    layers : with them the stress is (..., c, m, 3, 3), and fields are (..., n, m, 3).
+    strain : function of displacement gradients, by default their symmetric part.
+    part : of a plate with different materials, the body whose elements alone count, and whose nodes
+        are chosen: the stress is not continuous between materials.
+    """
     line = (layers or sheet(plate.thickness)).at_nodes
-    n = len(mesh.nodes)
-    m = len(line.heights)
-    d = line.axes
-    chosen = np.arange(n) if chosen is None else chosen
-    near = np.zeros(n, dtype=bool)
+    count = len(mesh.nodes)
+    chosen = np.arange(count) if chosen is None else chosen
+    own = mesh.bodies == part if plate.mixed and part is not None else np.ones(1, dtype=np.bool_)
+    near = np.zeros(count, dtype=np.bool_)
     near[chosen] = True
-    adjoining = near[mesh.triangles].any(axis=1)
-    if plate.mixed and part is not None:
-        adjoining &= mesh.bodies == part
-    numbers = np.flatnonzero(adjoining)
-    triangles = mesh.triangles[numbers]
-    flat = fields.reshape(-1, n, m * d)
-    k = len(flat)
-    total = np.zeros((n, len(flat) * m * d * d))
-    for start in range(0, len(triangles), CACHED):
-        some = slice(start, start + CACHED)
-        own_nodes = triangles[some]
-        batch = ElementBatch(
-            own_nodes,
-            gradients(mesh.nodes[own_nodes], NODES)[0],
-            np.empty((len(own_nodes), 0)),
-            np.eye(6),
-        )
-        slopes = batch.slopes(line, flat)
-        material = plate.of(numbers[some])
-        stress = stress_tensor(material, slopes if strain is None else strain(slopes)).reshape(
-            k, -1, d, d, 6, m
-        )
-        own, assembly = batch.assembly(n)
-        total[own] += assembly @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(own_nodes.size, -1)
-    adjacent = np.bincount(triangles.ravel(), minlength=n)[chosen]
-    mean = np.moveaxis((total[chosen] / adjacent[:, None]).reshape(len(chosen), k, -1), 1, 0)
-    return np.asarray(
-        mean.reshape(
-            *fields.shape[: -2 if layers is None else -3], len(chosen), *[m] * (d == 3), d, d
-        )
-    )
+    numbers = np.flatnonzero(near[mesh.triangles].any(axis=1) & own)
+    components = len(line.heights) * line.axes
+    flat = fields.reshape(-1, count, components)
+    total = _summed_stress(mesh, plate, line, flat, numbers, strain)
+    adjacent = np.bincount(mesh.triangles[numbers].ravel(), minlength=count)[chosen]
+    mean = (total[chosen] / adjacent[:, None]).reshape(len(chosen), len(flat), -1)
+    through = () if layers is None else (len(line.heights),)
+    lead = fields.shape[: -2 - len(through)]
+    shape = (*lead, len(chosen), *through, line.axes, line.axes)
+    return np.asarray(np.moveaxis(mean, 1, 0).reshape(shape))
+
+
+def _summed_stress(
+    mesh: StageMesh,
+    plate: Plate,
+    line: Layers,
+    fields: Array,
+    numbers: Index,
+    strain: Callable[[Array], Array] | None,
+) -> Array:
+    """Sums (n, k m d d) over triangles of the stress at their nodes, of fields (k, n, m d).
+
+    line : at its nodes.   numbers : of the triangles.   strain : as of `nodal_stress`.
+    """
+    d = line.axes
+    m = len(line.heights)
+    total = np.zeros((len(mesh.nodes), fields[:, 0].size * d))
+    for start in range(0, len(numbers), CACHED):
+        some = numbers[start : start + CACHED]
+        triangles = mesh.triangles[some]
+        slopes_of_phi = gradients(mesh.nodes[triangles], NODES)[0]
+        unweighted = np.empty((len(triangles), 0))
+        batch = ElementBatch(triangles, slopes_of_phi, unweighted, np.eye(6))
+        slopes = batch.slopes(line, fields)
+        strains = slopes if strain is None else strain(slopes)
+        stress = stress_tensor(plate.of(some), strains).reshape(len(fields), -1, d, d, 6, m)
+        own, assembly = batch.assembly(len(mesh.nodes))
+        by_node = stress.transpose(1, 4, 0, 5, 2, 3).reshape(triangles.size, -1)
+        total[own] += assembly @ by_node
+    return total
 
 
 def part_stresses(
@@ -499,8 +528,9 @@ def part_stresses(
     layers: Layers | None = None,
     strain: Callable[[Array], Array] | None = None,
 ) -> list[Array]:
-    """Return the stress as `nodal_stress` at the nodes of each of several parts, whose `numbers`
-    are those of `bodies`.
+    """Return the stress as `nodal_stress` at the nodes of each of several parts.
+
+    numbers : of the parts, those of `bodies` of the mesh.
 
     Of a plate of one material all adjoining elements count, otherwise those of the part alone.
     """
