@@ -152,8 +152,8 @@ def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READIN
         folder is not writable; or the parts of the stage or mechanism do not fit together. In the
         last case it is drawn, with the parts at fault in red, before the error is raised.
     """
+    from flexfem.plot.drawing import mark_clashes, show_window
     from flexfem.plot.plate import drawing_figure, plot_plate
-    from flexfem.plot.stage import mark_clashes, show_window
     from flexfem.plot.write import PICTURES, write_beside, write_picture
 
     source = checked_path(file)
@@ -212,7 +212,14 @@ def _drawable(source: Path, reading: Reading) -> _Drawable:
     if is_drawing(source):
         plate = imported(source, reading)
         return _Drawable(
-            plate.mechanism, None, [], Recognised(drawn_polygon(plate.found.drawing), plate.slender)
+            plate.mechanism,
+            None,
+            [],
+            Recognised(
+                drawn_polygon(plate.found.drawing),
+                plate.slender,
+                frozenset(hinge.name for hinge in plate.mechanism.hinge),
+            ),
         )
     require_no_reading(source, reading)
     if kind_of(read_toml(source).data) == MechanismFile.kind:

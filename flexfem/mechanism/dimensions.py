@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -80,6 +80,32 @@ class Label(NamedTuple):
         vector = self.place - self.anchor
         ratio = max(1.0, abs(vector.real) / self.half.real, abs(vector.imag) / self.half.imag)
         return self.anchor, self.place - vector / ratio
+
+
+class Disc(NamedTuple):
+    """A rigid disc in a hole: its centre (complex) and its radius, mm."""
+
+    centre: complex
+    radius: float
+
+
+class DrawingFacts(NamedTuple):
+    """What a drawing shows and states of a mechanism beside the outlines and sizes of its parts.
+
+    discs : rigid discs that fill holes.
+    facts : further data for the header.
+    copies : which parts are copies of others, "" where there are none.
+    unlabelled : why only some of the parts have labels, "" where all have.
+    named : whether a picture labels the parts with their names, instead of the sizes.
+    unmade : what the drawing of parts that do not fit together shows, where that is not obvious.
+    """
+
+    discs: Sequence[Disc] = ()
+    facts: Sequence[str] = ()
+    copies: str = ""
+    unlabelled: str = ""
+    named: bool = True
+    unmade: str = ""
 
 
 class Dimensions(NamedTuple):

@@ -8,11 +8,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from flexfem.files.provenance import Assumptions
 from flexfem.files.tables import once
 from flexfem.mechanism.content import FileContent, located
-from flexfem.mechanism.dimensions import Callout, Dimensions, Span, hinge_callouts, placed
+from flexfem.mechanism.dimensions import (
+    Callout,
+    Dimensions,
+    DrawingFacts,
+    Span,
+    hinge_callouts,
+    placed,
+)
 from flexfem.mechanism.keys import Key
 from flexfem.mechanism.layout import Constants, Layout
 from flexfem.mechanism.materials import Frame, Material
 from flexfem.mechanism.plate import check_layout
+from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 
 
@@ -35,6 +43,9 @@ class Mechanism(FileContent):
 
     kind: ClassVar[str]
     """Kind of file, such as "mechanism file"."""
+
+    not_exported: ClassVar[tuple[str, ...]] = ()
+    """What the models contain and a part for the workshop does not, a sentence each."""
 
     usual: ClassVar[type[Mechanism]]
     """The kind of which mechanisms are made that do not name one."""
@@ -152,6 +163,18 @@ class Mechanism(FileContent):
         layout : of this mechanism, perhaps with further holes.
         """
         return placed(layout, self.spans(layout), self.callouts(layout))
+
+    @property
+    def drawing_facts(self) -> DrawingFacts:
+        """What a drawing shows beside the outlines and sizes of the parts."""
+        return DrawingFacts()
+
+    def with_mounting_holes(self, diameter: float) -> Layout:
+        """Return the layout with mounting holes, mm. Raises BadInput where the file states holes."""
+        raise BadInput(
+            f"mounting holes of {diameter:g} mm: expected a stage file; a mechanism states holes "
+            "of bodies"
+        )
 
     @property
     def plane_problem(self) -> dict[str, Any]:

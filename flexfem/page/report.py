@@ -41,16 +41,17 @@ from flexfem.page.section import (
     table,
 )
 from flexfem.page.study import Part, study_parts
+from flexfem.paper.figures.errors import error_figure
+from flexfem.paper.figures.stored import write_figures
 from flexfem.paper.responses import require_expansion
 from flexfem.paper.stage import Stage
 from flexfem.paper.verification import Verification
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
-from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import plane_fields, stress_figure
 from flexfem.plot.plate import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
-from flexfem.plot.write import write_figures, write_of_result
+from flexfem.plot.write import write_designs, write_of_result
 from flexfem.questions import plates
 from flexfem.questions.budget import budget
 from flexfem.questions.check import MechanismReport, StageReport, check
@@ -259,7 +260,10 @@ def plot_results(
         raise BadInput(f"{problem}, expected results of flexfem verify")
     stored = [(result, result.read_fields(path)) for path, result in verified.items()]
     named = [(path.stem, found) for path, found in designs.items()]
-    written = write_figures(stored, output, displacement, named) if verified or designs else []
+    if verified:
+        written = write_figures(stored, output, displacement, named)
+    else:
+        written = write_designs(named, output)
     written += [
         figure
         for path, result in others.items()

@@ -18,7 +18,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.plot.stage import boundary_of
+from flexfem.plot.mesh import boundary_of
 from flexfem.plot.style import drawn_box, headless, rendered
 from flexfem.plot.text import significant
 

@@ -2,14 +2,41 @@
 
 from __future__ import annotations
 
-from flexfem.mechanism.dimensions import TEXT, Callout, Span
+import numpy as np
+
+from flexfem.mechanism.dimensions import TEXT, Callout, Disc, DrawingFacts, Span
 from flexfem.mechanism.layout import Layout
-from flexfem.mechanism.outlines import circle_of
+from flexfem.mechanism.outlines import circle_of, disc, reverse
 from flexfem.mechanism.plate import extent, plate_polygon
 from flexfem.paper.stage_file import StageContent, hinges_of
+from flexfem.refused import BadInput
+from flexfem.units import DEGREE, LENGTH
 
 REACHES = (1.0, 1.5, 2.0)  # of a dimension line from its length, in widths of a link
 PAD_REACH = 2.5  # of the dimension line of the pad, in heights of the text
+COPIES = "chains 2 and 3 as chain 1, turned by 120 and 240 degrees"
+UNLABELLED = (
+    "hinges are labelled on chain 1: chains 2 and 3 are the same, turned by 120 and 240 degrees"
+)
+STRIPS = "The stage cannot be made. Strips between the hinges stand for links that cannot be drawn"
+
+
+def stage_facts(stage: StageContent) -> DrawingFacts:
+    """Return what a drawing shows and states of a stage beside its outlines and sizes."""
+    angles = ", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles))
+    minus = "\N{MINUS SIGN}"
+    chains_alike = len(set(hinges_of(stage))) == 1
+    return DrawingFacts(
+        discs=[Disc(0j, stage.platform.hub_radius)],
+        facts=[
+            f"link width {stage.chain.link_width:.6g} {LENGTH}",
+            f"joint angles {angles.replace('-', minus)} {DEGREE}",
+        ],
+        copies=COPIES if chains_alike else "",
+        unlabelled=UNLABELLED if chains_alike else "",
+        named=False,
+        unmade=STRIPS,
+    )
 
 
 def stage_spans(stage: StageContent, layout: Layout) -> list[Span]:
@@ -54,3 +81,23 @@ def stage_callouts(stage: StageContent, layout: Layout) -> list[Callout]:
     for centre, radius in filter(None, map(circle_of, layout.bodies[0].holes)):
         callouts.append(Callout(f"3 holes R {radius:.6g}", centre))
     return callouts
+
+
+def with_mounting_holes(stage: StageContent, layout: Layout, diameter: float) -> Layout:
+    """Return the layout of a stage with a hole in the middle of every pad.
+
+    Raises BadInput for a hole, mm, as wide as the pad.
+    """
+    width = stage.chain.link_width
+    if not diameter < width:
+        raise BadInput(
+            f"mounting holes of {diameter:g} mm, expected less than the pad width: "
+            f"chain.link_width_mm = {width:g}"
+        )
+    bodies = list(layout.bodies)
+    for k, body in enumerate(bodies):
+        if body.clamped:
+            middle = sum(segment.start for segment in body.outline) / len(body.outline)
+            hole = tuple(reverse(disc(middle, diameter / 2).loop))
+            bodies[k] = body._replace(holes=(hole,))
+    return layout._replace(bodies=tuple(bodies))

@@ -80,7 +80,7 @@ class StageDrive(Result):
     main = ("share", {"criterion": "within limits"})
     labels: ClassVar = {"limit": LIMITS}
     columns = ("criterion", "direction")
-    figure = "drive.command_figure"
+    figure = "paper.figures.drive.command_figure"
     drawn_from_fields = True
     reading = (
         "strokes and rotations are relative to rest; forces and stress include the preloads; the "

@@ -56,7 +56,7 @@ class Experiment(Result):
         "against": ("stage", "simulated", "measured", "measured relative to stage"),
         "part": ("stage", "pole", "bar"),
     }
-    figure = "experiment.experiment_figure"
+    figure = "paper.figures.experiment.experiment_figure"
     slope = Quantity(
         "slope of load over displacement", "stiffness", ("direction", "source"), COARSER
     )

@@ -60,7 +60,7 @@ class Identification(Result):
     main = ("offset", {})
     columns = ("slope",)
     labels: ClassVar = {"slope": ("measured", "as drawn", "fitted"), "cause": CAUSES}
-    figure = "experiment.identification_figure"
+    figure = "paper.figures.identification.identification_figure"
     slope = Quantity("slope", "stiffness", ("direction", "slope"), FITTED)
     sd = Quantity("standard deviation of the measured slope", "stiffness", ("direction",))
     stiffness = Quantity("stiffness of the fixture at the fit", "stiffness", ("direction",), FITTED)

@@ -39,7 +39,7 @@ class StageReach(Result):
     title = "poses that the drive reaches within all limits"
     main = ("ends", {"others": "zero"})
     labels: ClassVar = {"others": ("zero", "free"), "end": ("low", "high")}
-    figure = "drive.reach_figure"
+    figure = "paper.figures.reach.reach_figure"
     drawn_from_fields = True
     reading: ClassVar[tuple[str, ...]] = (
         "limits: stroke, contacts without tension, blocking force, and yield of the necks by the "

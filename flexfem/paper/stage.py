@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Assumptions
@@ -12,14 +12,14 @@ from flexfem.files.refusals import key_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.content import located, read_content
-from flexfem.mechanism.dimensions import Callout, Span
+from flexfem.mechanism.dimensions import Callout, DrawingFacts, Span
 from flexfem.mechanism.keys import Key
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.unfinished import Unfinished
 from flexfem.paper.actuators import Actuator
 from flexfem.paper.bodies import stage_layout
 from flexfem.paper.designs import Elastic, lower
-from flexfem.paper.drawing import stage_callouts, stage_spans
+from flexfem.paper.drawing import stage_callouts, stage_facts, stage_spans, with_mounting_holes
 from flexfem.paper.drives import drive_of
 from flexfem.paper.feasibility import check_closed_form
 from flexfem.paper.stage_file import CHAINS as CHAINS
@@ -40,7 +40,12 @@ class Stage(StageContent):
     file.
 
     model : plane model; "corrected" uses hinges corrected by three-dimensional analyses, in the
-    analytic model only."""
+    analytic model only.
+    """
+
+    not_exported: ClassVar[tuple[str, ...]] = (
+        "the models clamp only the back edges of the pads and fill the hub hole with a rigid disc",
+    )
 
     def replace(self, **changes: Any) -> Self:
         """Return a changed stage, validated and checked for feasibility; other values stay the same
@@ -97,6 +102,15 @@ class Stage(StageContent):
     def callouts(self, layout: Layout) -> list[Callout]:
         """Return the texts of a workshop drawing of a layout of this stage."""
         return stage_callouts(self, layout)
+
+    @property
+    def drawing_facts(self) -> DrawingFacts:
+        """What a drawing shows and states beside the outlines and sizes of the parts."""
+        return stage_facts(self)
+
+    def with_mounting_holes(self, diameter: float) -> Layout:
+        """Return the layout with a hole, mm, in every pad. Raises BadInput for one as wide as it."""
+        return with_mounting_holes(self, self.layout, diameter)
 
     def expected_of(self, key: Key) -> str | None:
         """Return what is expected instead of a key of an actuator that sets nothing, else None."""

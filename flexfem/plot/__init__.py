@@ -4,7 +4,8 @@
     flexfem.plot.plot_budget(ax, flexfem.budget(stage), "x")
 
 Every function `plot_...(ax, result, ...)` draws on `ax` alone and returns it; none of them solves
-anything. The functions below are imported on first use."""
+anything. The functions below are imported on first use.
+"""
 
 import os
 from importlib import import_module
@@ -12,37 +13,48 @@ from typing import Any
 
 from flexfem.refused import BadInput, printed
 
-_NAMES = {
-    "design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
-    "drive": "plot_drive plot_forces plot_large plot_section plot_solid plot_strokes",
-    "errors": "plot_budget plot_convergence plot_errors plot_mechanism_errors",
-    "experiment": "plot_life plot_push plot_region plot_remains",
-    "fields": "plot_displacement plot_drift",
-    "hinge": "plot_formulas plot_hinge plot_hinge_table plot_thickness",
-    "modes": "plot_mode plot_response",
-    "plate": "plot_plate",
-    "stage": "plot_mesh plot_model plot_neck",
-    "study": "plot_front plot_histogram plot_map plot_shares",
+_NAMES = {  # functions by their module under `flexfem`
+    "paper.figures.budget": "plot_budget",
+    "paper.figures.drift": "plot_drift",
+    "paper.figures.drive": "plot_drive plot_forces plot_strokes",
+    "paper.figures.errors": "plot_errors",
+    "paper.figures.experiment": "plot_push plot_remains",
+    "paper.figures.hinge": "plot_hinge_table",
+    "paper.figures.identification": "plot_region",
+    "paper.figures.large": "plot_large",
+    "paper.figures.mesh": "plot_mesh plot_neck",
+    "paper.figures.pseudo_rigid": "plot_model",
+    "paper.figures.reach": "plot_section plot_solid",
+    "plot.design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
+    "plot.errors": "plot_convergence plot_mechanism_errors",
+    "plot.fields": "plot_displacement",
+    "plot.hinge": "plot_formulas plot_hinge plot_thickness",
+    "plot.life": "plot_life",
+    "plot.modes": "plot_mode plot_response",
+    "plot.plate": "plot_plate",
+    "plot.study": "plot_front plot_histogram plot_map plot_shares",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 __all__ = sorted(_MODULES)
 
 
 def figures_of(result: Any) -> dict[str, Any]:
-    """Figures of a result by file-name suffix: each a figure, or a function that writes files
-    beside a path.
+    """Return the figures of a result by file-name suffix.
+
+    Each is a figure, or a function that writes files beside a path. The class of the result names
+    the function that draws them: `figure = "module.function"` of a module of this package, or of
+    the paper's, `figure = "paper.figures.module.function"`.
     """
     module, _, draw = result.figure.rpartition(".")
-    figures = getattr(import_module(f"flexfem.plot.{module}"), draw)(result)
+    home = "flexfem" if module.startswith("paper.") else "flexfem.plot"
+    figures = getattr(import_module(f"{home}.{module}"), draw)(result)
     return figures if isinstance(figures, dict) else {"": figures}
 
 
 def check_backend() -> None:
-    """Raise BadInput when the environment names a backend that matplotlib does not know: it cannot
-    be imported then.
-    """
+    """Raise BadInput when the environment names a backend that matplotlib does not know."""
     try:
-        import_module("matplotlib")
+        import_module("matplotlib")  # fails with an unknown backend
     except ValueError:
         backend = printed(os.environ.get("MPLBACKEND"))
         raise BadInput(
@@ -52,7 +64,7 @@ def check_backend() -> None:
 
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
-        return getattr(import_module(f"flexfem.plot.{_MODULES[name]}"), name)
+        return getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
     raise AttributeError(f"module 'flexfem.plot' has no attribute {name!r}")
 
 

@@ -15,13 +15,11 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from flexfem.design.result import Designed, Goal, Requirement
 from flexfem.files.refusals import shown
-from flexfem.files.toml import kind_of
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.paper.stage import Stage
+from flexfem.mechanism.loading import mechanism_of
 from flexfem.plot import style
-from flexfem.plot.plate import draw_plate, front_page
-from flexfem.plot.stage import fit, label_axes
+from flexfem.plot.drawing import fit, label_axes
+from flexfem.plot.front import front_page
+from flexfem.plot.plate import draw_plate
 from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import percent, significant
 from flexfem.refused import BadInput
@@ -62,7 +60,7 @@ def design_figure(found: Designed) -> Figure:
     ]
     layout = ((10.6, 8.2), 2, 2) if found.front else ((14.0, 4.9), 1, 3)
     figure, axes = panels(layout[0], found.name, lines, *layout[1:], found)
-    fit(axes[0], draw_plate(axes[0], _plate(found.stage)))
+    fit(axes[0], draw_plate(axes[0], mechanism_of(tomllib.loads(found.stage))))
     label_axes(axes[0])
     titled(axes[0], "a", f"designed {found.kind}")
     titled(plot_margins(axes[1], found), "b", "requirements")
@@ -70,11 +68,6 @@ def design_figure(found: Designed) -> Figure:
     if found.front:
         titled(plot_tradeoff(axes[3], found), "d", "best designs in both objectives")
     return figure
-
-
-def _plate(text: str) -> Mechanism:
-    content = tomllib.loads(text)
-    return (Mechanism if kind_of(content) == MechanismFile.kind else Stage).model_validate(content)
 
 
 def plot_margins(ax: Axes | None, found: Designed) -> Axes:

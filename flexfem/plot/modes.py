@@ -23,8 +23,9 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.files.writing import replacing
 from flexfem.plot import style
+from flexfem.plot.drawing import fit
 from flexfem.plot.fields import VISIBLE, draw_field, draw_scale, exaggeration
-from flexfem.plot.stage import QUARTERS, boundary_of, draw_boundary, fit
+from flexfem.plot.mesh import QUARTERS, boundary_of, draw_boundary
 from flexfem.plot.style import INK, NAMES, new_axes, panels, wrapped
 from flexfem.plot.text import scientific
 from flexfem.plot.write import write_beside

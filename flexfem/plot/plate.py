@@ -1,10 +1,8 @@
-"""Drawings of a stage or mechanism: bodies, ground, hinges, dimensions, points, actuators and
-payload, to scale.
-"""
+"""Drawings of a mechanism to scale: bodies, ground, hinges, points, actuators and payload."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,21 +15,15 @@ from matplotlib.patches import Circle, PathPatch, Wedge
 from matplotlib.path import Path
 
 from flexfem.arrays import Array
-from flexfem.mechanism.dimensions import Span
-from flexfem.mechanism.layout import Body, Joint, Layout
+from flexfem.mechanism.dimensions import Disc, Span
+from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import body_polygon, extent, joint_polygon, plate_polygon
-from flexfem.paper.stage import Stage
-from flexfem.plot import style
-from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
-from flexfem.plot.stage import (
+from flexfem.plot.drawing import (
     DIMENSION,
-    HUB,
     WHITE_BOX,
     arrow,
     fit,
-    fit_to_one_scale,
     frame_cross,
     label_axes,
     place_label,
@@ -39,45 +31,37 @@ from flexfem.plot.stage import (
     write,
     xy,
 )
-from flexfem.plot.style import (
-    INK,
-    NAMES,
-    NOTE_COLOUR,
-    PALE,
-    below_header,
-    in_house_style,
-    new_axes,
-    page,
-)
-from flexfem.plot.text import minus, significant
+from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
+from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, in_house_style, new_axes, page
+from flexfem.plot.text import significant
 from flexfem.questions.setup import MeshFields
 from flexfem.results import Result
-from flexfem.study.findings import Caption
-from flexfem.units import DEGREE, LENGTH, STRESS
+from flexfem.units import LENGTH, STRESS
 
 OTHER_MATERIAL = ".."  # hatch of parts that have a material of their own
 HINGE = "#C25500"
 DRIVE = "#0072B2"
 MASS = "#007A58"
 HATCH = "#9AA2AB"
+HUB = "#C9CED6"
+BODY_NAME = "#404040"
 DRAWN = "#56B4E9"  # contour of a drawing
 ALONG_EDGE = np.linspace(0, 1, 33)  # points of a clamped edge, per length
 COARSE = 2e-4  # deviation of a drawn polygon, per extent
 CROSS = 0.07  # length of the axes at the output relative to the size
 MOST_MISSING = 4  # in the header of an unfinished drawing
 MANY = 40  # labels above which they are small
-WIDTH = 8.27
-LOWEST = 3.0
-HIGHEST = 9.0  # in, of a page and of the drawing on it
-SMALLEST = 5.2
-LABEL_AREA = 1.5  # width of a small drawing, in, and its area for each label, in^2
-COLUMNS = 4
-CELL_HEIGHT = 1.5  # drawings per row below a front, height of each, in
+WIDTH = 8.27  # in, of a page
+LOWEST = 3.0  # in, of the drawing on a page of that width
+HIGHEST = 9.0  # in, of a drawing
+SMALLEST = 5.2  # in, width of a small drawing
+LABEL_AREA = 1.5  # in^2, area of a small drawing for each label
 
 
 class Mark(NamedTuple):
-    """A label of a drawing: its text, the point (2,) that it belongs to, its colour, and the
-    polygon of a body.
+    """A label of a drawing: its text, the point (2,) that it belongs to, its colour, and its body.
+
+    body : polygon of a body, whose name needs no line to it.
     """
 
     text: str
@@ -87,12 +71,16 @@ class Mark(NamedTuple):
 
 
 class Recognised(NamedTuple):
-    """What a mechanism was recognised in: the polygon of a drawing, and thin parts of it that are
-    no hinges.
+    """What a mechanism was recognised in.
+
+    drawn : polygon of the drawing.
+    slender : thin parts of it that are no hinges.
+    hinges : names of the hinges that the file describes, which are labelled with their sizes.
     """
 
     drawn: Any
     slender: Sequence[Any]
+    hinges: frozenset[str]
 
 
 def plot_plate(
@@ -105,91 +93,87 @@ def plot_plate(
 ) -> Axes:
     """Draw a stage or a mechanism to scale, in mm, with a scale bar; return `ax`, or new axes.
 
-    labels : whether to write the dimensions of a stage and the names of the parts of a mechanism,
-    which are placed for the size of `ax` at the time of the call.   layout : parts of a stage that
-    cannot be made, which are named.
-    recognised : the drawing, whose contour is below the plate and whose thin parts are red; the
-    hinges that the file describes are then labelled with their dimensions."""
+    Parameters
+    ----------
+    ax : axes, or None.
+    plate : Mechanism
+    labels : bool
+        Write the dimensions of a stage and the names of the parts of a mechanism. They are placed
+        for the size of `ax` at the time of the call.
+    layout : Layout, optional
+        Parts that do not fit together, which are named.
+    recognised : Recognised, optional
+        The drawing, whose contour is below the plate and whose thin parts are red.
+    """
     ax = ax or new_axes()
-    stage = plate if isinstance(plate, Stage) and layout is None else None
-    layout = layout or plate.layout
-    rim = draw_plate(ax, plate, layout)
-    shape = plate_polygon(layout)
-    spans = stage.spans(layout) if stage else []
-    visible = [contact.point for _, contact in layout.points] + [
-        z.point for a in layout.actuators for z in a.contacts
-    ]
-    visible += [end for span in spans for end in span.line]
+    shows_sizes = layout is None and not plate.drawing_facts.named
+    drawn = layout or plate.layout
+    spans = plate.spans(drawn) if shows_sizes else []
+    rim = draw_plate(ax, plate, drawn)
     if recognised is not None:
         _draw_recognised(ax, recognised)
-    visible += [point.point + CROSS * (1 + 1j) * extent(shape) for _, point in layout.points[:1]]
-    size = fit(ax, np.vstack([rim, *map(xy, visible if labels else ())]), 0.07)
+    visible = list(map(xy, _labelled_points(drawn, spans))) if labels else []
+    size = fit(ax, np.vstack([rim, *visible]), 0.07)
     scale_bar(ax)
     label_axes(ax)
     if not labels:
         return ax
-    obstacles: list[Any] = [shape.boundary]
-    _draw_ports(ax, layout, size, obstacles)
+    obstacles: list[Any] = [plate_polygon(drawn).boundary]
+    _draw_ports(ax, drawn, size, obstacles)
     _draw_spans(ax, spans, obstacles)
-    marks = [*_marks(layout)]
-    if recognised is not None and isinstance(plate, MechanismFile):
-        marks = [_with_dimensions(mark, plate, layout) for mark in marks]
-    if stage:
-        marks = [
-            Mark(text, np.array(xy(anchor)), DIMENSION) for text, anchor in stage.callouts(layout)
-        ]
-    obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
-    letters = 7.0 if len(marks) > MANY else 8.0
-    for mark in marks:
-        look: dict[str, Any] = {
-            "style": "normal" if mark.body is None else "italic",
-            "bbox": WHITE_BOX,
-        }
-        near = place_label(
-            ax,
-            mark.at,
-            mark.text,
-            obstacles,
-            0.035 * size,
-            colour=mark.colour,
-            size=letters,
-            **look,
-        )
-        if mark.body is None or not shapely.contains_xy(mark.body, *near):
-            ax.plot(*np.transpose([mark.at, near]), color=mark.colour, linewidth=0.5, zorder=6)
+    if shows_sizes:
+        marks = [Mark(text, np.array(xy(z)), DIMENSION) for text, z in plate.callouts(drawn)]
+    else:
+        marks = list(_marks(drawn, recognised))
+    _write_marks(ax, marks, size, obstacles)
     return ax
 
 
+def _labelled_points(layout: Layout, spans: Sequence[Span]) -> Iterator[complex]:
+    """Yield the points of a drawing, beside the outlines, that must be within its limits."""
+    for _, contact in layout.points:
+        yield contact.point
+    for actuator in layout.actuators:
+        for contact in actuator.contacts:
+            yield contact.point
+    for span in spans:
+        yield from span.line
+    for _, output in layout.points[:1]:
+        yield output.point + CROSS * (1 + 1j) * extent(plate_polygon(layout))
+
+
 def draw_plate(ax: Axes, plate: Mechanism, layout: Layout | None = None) -> Array:
-    """Draw bodies, ground, hinges, clamped edges and the hub of a stage without names.
+    """Draw bodies, ground, hinges, clamped edges and rigid discs without names.
 
     Returns points (n, 2) of the outline, mm. Raises BadInput when the parts cannot be drawn.
     """
     layout = layout or plate.layout
     for number, body in enumerate(layout.bodies):
-        polygon = body_polygon(layout, number, refuse=False)
-        other = OTHER_MATERIAL if body.material else ""
-        _fill(ax, polygon, RIGID if body.fixed else PALE, "////" if body.fixed else other)
-        lines = [[xy(z) for z in body.outline[k].at(ALONG_EDGE).tolist()] for k in body.clamped]
-        ax.add_collection(
-            LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False
-        )
+        _draw_body(ax, layout, number, body)
     for joint in layout.joints:
         _fill(ax, joint_polygon(joint), HINGE, OTHER_MATERIAL if joint.material else "")
-    if isinstance(plate, Stage):
-        ax.add_patch(
-            Circle(
-                (0, 0),
-                plate.platform.hub_radius,
-                facecolor=HUB,
-                edgecolor=INK,
-                linewidth=0.6,
-                zorder=2.5,
-            )
-        )
+    for disc in plate.drawing_facts.discs:
+        _draw_disc(ax, disc)
     shape = plate_polygon(layout)
     ax.add_patch(PathPatch(_path(shape), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
     return np.asarray(shapely.get_coordinates(shape))
+
+
+def _draw_body(ax: Axes, layout: Layout, number: int, body: Body) -> None:
+    """Draw a body, hatched if it is fixed or has another material, with its clamped edges."""
+    polygon = body_polygon(layout, number, refuse=False)
+    if body.fixed:
+        _fill(ax, polygon, RIGID, "////")
+    else:
+        _fill(ax, polygon, PALE, OTHER_MATERIAL if body.material else "")
+    lines = [[xy(z) for z in body.outline[k].at(ALONG_EDGE).tolist()] for k in body.clamped]
+    edges = LineCollection(lines, colors=INK, linewidths=2.8, zorder=4)
+    ax.add_collection(edges, autolim=False)
+
+
+def _draw_disc(ax: Axes, disc: Disc) -> None:
+    look: dict[str, Any] = {"facecolor": HUB, "edgecolor": INK, "linewidth": 0.6, "zorder": 2.5}
+    ax.add_patch(Circle(xy(disc.centre), disc.radius, **look))
 
 
 def _draw_spans(ax: Axes, spans: Sequence[Span], obstacles: list[Any]) -> None:
@@ -205,10 +189,13 @@ def _draw_spans(ax: Axes, spans: Sequence[Span], obstacles: list[Any]) -> None:
         obstacles.append(shapely.LineString([xy(start), xy(end)]))
 
 
-def _marks(layout: Layout) -> Iterator[Mark]:
-    """Yield the labels, those with the least freedom of place first."""
+def _marks(layout: Layout, recognised: Recognised | None = None) -> Iterator[Mark]:
+    """Yield the labels of the parts, those with the least freedom of place first."""
     for joint in layout.joints:
-        yield Mark(_named(joint), np.array(xy(joint.place)), HINGE)
+        text = _named(joint)
+        if recognised is not None and text in recognised.hinges:
+            text = f"{text}: {joint.profile.neck:.6g} x {joint.profile.length:.6g}"
+        yield Mark(text, np.array(xy(joint.place)), HINGE)
     for actuator in layout.actuators:
         near, far = (contact.point for contact in actuator.contacts)
         yield Mark(actuator.name, np.array(xy((near + far) / 2)), DRIVE)
@@ -218,12 +205,8 @@ def _marks(layout: Layout) -> Iterator[Mark]:
         yield Mark(f"payload {1e6 * payload.mass:.6g} g", np.array(xy(payload.contact.point)), MASS)
     for number, body in enumerate(layout.bodies):
         polygon = body_polygon(layout, number, refuse=False)
-        yield Mark(
-            _named(body),
-            shapely.get_coordinates(shapely.point_on_surface(polygon))[0],
-            "#404040",
-            polygon,
-        )
+        inside = shapely.get_coordinates(shapely.point_on_surface(polygon))[0]
+        yield Mark(_named(body), inside, BODY_NAME, polygon)
 
 
 def _named(part: Body | Joint) -> str:
@@ -231,31 +214,24 @@ def _named(part: Body | Joint) -> str:
     return part.name if part.material is None else f"{part.name} ({part.material.name})"
 
 
+def _write_marks(ax: Axes, marks: Sequence[Mark], size: float, obstacles: list[Any]) -> None:
+    """Write labels clear of obstacles, with lines to their points; names of bodies are italic."""
+    obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
+    letters = 7.0 if len(marks) > MANY else 8.0
+    for mark in marks:
+        look = {"colour": mark.colour, "size": letters, "bbox": WHITE_BOX}
+        slant = "normal" if mark.body is None else "italic"
+        near = place_label(ax, mark.at, mark.text, obstacles, 0.035 * size, style=slant, **look)
+        if mark.body is None or not shapely.contains_xy(mark.body, *near):
+            ax.plot(*np.transpose([mark.at, near]), color=mark.colour, linewidth=0.5, zorder=6)
+
+
 def _draw_recognised(ax: Axes, recognised: Recognised) -> None:
-    """Draw the contour of a drawing below the plate, and thin parts that are no hinges in red above
-    it.
-    """
-    contour: dict[str, Any] = {
-        "facecolor": "none",
-        "edgecolor": DRAWN,
-        "linewidth": 3.0,
-        "zorder": 2.9,
-    }
-    ax.add_patch(PathPatch(_path(recognised.drawn), **contour))
+    """Draw the contour of a drawing below the plate, and thin parts that are no hinges above it."""
+    look: dict[str, Any] = {"facecolor": "none", "edgecolor": DRAWN, "linewidth": 3.0}
+    ax.add_patch(PathPatch(_path(recognised.drawn), zorder=2.9, **look))
     for polygon in recognised.slender:
         _fill(ax, polygon, NOTE_COLOUR, zorder=3.1)
-
-
-def _with_dimensions(mark: Mark, plate: Mechanism, layout: Layout) -> Mark:
-    """Return the label of a hinge that the file describes with its neck and length; any other label
-    as it is.
-    """
-    described = {hinge.name for hinge in plate.hinge}
-    for joint in layout.joints:
-        if mark.body is None and mark.text == joint.name and joint.name in described:
-            size = f"{joint.profile.neck:.6g} x {joint.profile.length:.6g}"
-            return mark._replace(text=f"{joint.name}: {size}")
-    return mark
 
 
 def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> None:
@@ -263,32 +239,38 @@ def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> 
     for joint in layout.joints:
         ax.plot(*xy(joint.place), "o", color=HINGE, markersize=4, markerfacecolor="white", zorder=5)
     for actuator in layout.actuators:
-        ends = [contact.point for contact in actuator.contacts]
-        half = max(abs(ends[1] - ends[0]), 0.03 * size) / 2 * actuator.direction
-        tips = [sum(ends) / 2 - half, sum(ends) / 2 + half]
-        arrow(ax, xy(tips[0]), xy(tips[1]), "<|-|>", DRIVE, 1.8)
-        for contact, tip in zip(actuator.contacts, tips, strict=True):
-            if contact.body < 0:  # on the ground outside the plate
-                wall = [xy(tip + side * 0.02j * size * actuator.direction) for side in (-1, 1)]
-                ax.plot(*np.transpose(wall), color=INK, linewidth=2.8, zorder=6)
-        obstacles.append(shapely.LineString([xy(tip) for tip in tips]))
+        _draw_actuator(ax, actuator, size, obstacles)
     for payload in layout.payloads:
-        at = xy(payload.contact.point)
-        radius = 0.018 * size
-        ax.add_patch(Circle(at, radius, facecolor="white", edgecolor=MASS, linewidth=1.2, zorder=5))
-        for first in (0, 180):
-            ax.add_patch(Wedge(at, radius, first, first + 90, facecolor=MASS, zorder=5.1))
-    if not layout.points:  # of an unfinished file
-        return
+        _draw_payload(ax, xy(payload.contact.point), 0.018 * size)
     for _, contact in layout.points[1:]:
-        ax.plot(
-            *xy(contact.point), "+", color=NOTE_COLOUR, markersize=9, markeredgewidth=1.5, zorder=6
-        )
-    output = layout.points[0][1].point
-    frame_cross(ax, CROSS * size, output)
-    obstacles.append(
-        shapely.LineString([xy(output + 0.09j * size), xy(output), xy(output + 0.09 * size)])
-    )
+        look: dict[str, Any] = {"color": NOTE_COLOUR, "markersize": 9, "markeredgewidth": 1.5}
+        ax.plot(*xy(contact.point), "+", zorder=6, **look)
+    for _, contact in layout.points[:1]:  # an unfinished file has none
+        output = contact.point
+        frame_cross(ax, CROSS * size, output)
+        corner = [xy(output + 0.09j * size), xy(output), xy(output + 0.09 * size)]
+        obstacles.append(shapely.LineString(corner))
+
+
+def _draw_actuator(ax: Axes, actuator: LinearActuator, size: float, obstacles: list[Any]) -> None:
+    """Draw an actuator as an arrow with two heads, and a wall where it stands on the ground."""
+    near, far = (contact.point for contact in actuator.contacts)
+    half = max(abs(far - near), 0.03 * size) / 2 * actuator.direction
+    tips = [(near + far) / 2 - half, (near + far) / 2 + half]
+    arrow(ax, xy(tips[0]), xy(tips[1]), "<|-|>", DRIVE, 1.8)
+    for contact, tip in zip(actuator.contacts, tips, strict=True):
+        if contact.body < 0:  # on the ground outside the plate
+            aside = 0.02j * size * actuator.direction
+            wall = [xy(tip - aside), xy(tip + aside)]
+            ax.plot(*np.transpose(wall), color=INK, linewidth=2.8, zorder=6)
+    obstacles.append(shapely.LineString([xy(tip) for tip in tips]))
+
+
+def _draw_payload(ax: Axes, at: tuple[float, float], radius: float) -> None:
+    """Draw the symbol of a centre of mass."""
+    ax.add_patch(Circle(at, radius, facecolor="white", edgecolor=MASS, linewidth=1.2, zorder=5))
+    for first in (0, 180):
+        ax.add_patch(Wedge(at, radius, first, first + 90, facecolor=MASS, zorder=5.1))
 
 
 def _fill(ax: Axes, polygon: Any, colour: str, hatch: str = "", zorder: float = 1.5) -> None:
@@ -311,113 +293,93 @@ def drawing_figure(
     missing: Sequence[str] = (),
     recognised: Recognised | None = None,
 ) -> Figure:
-    """Draw a page as `plot_plate`, and in its header data of the plate and the meaning of the
-    marks.
+    """Draw a page as `plot_plate`, with data of the plate and the meaning of the marks above.
 
-    small : as small as the labels allow, so that they are legible on narrow screens.
-    missing : what an unfinished file lacks, which the header names instead of the data.
-    recognised : the drawing in which the plate was recognised.
+    Parameters
+    ----------
+    plate, layout, recognised : as of `plot_plate`.
+    small : bool
+        As small as the labels allow, so that they are legible on narrow screens.
+    missing : sequence of str
+        What an unfinished file lacks, which the header names instead of the data.
     """
     drawn = layout or plate.layout
-    facts = [f"thickness {drawn.thickness:.6g} {LENGTH}", plate.material.name]
+    facts = plate.drawing_facts
+    if missing:
+        more = f" and {len(missing) - MOST_MISSING} more" * (len(missing) > MOST_MISSING)
+        data = f"unfinished: {'; '.join(missing[:MOST_MISSING])}{more}"
+    else:
+        thickness = f"thickness {drawn.thickness:.6g} {LENGTH}"
+        data = "; ".join([thickness, plate.material.name, *facts.facts])
+    if layout is not None and facts.unmade:
+        key = facts.unmade
+    else:
+        meanings = _meanings(drawn, bool(facts.discs), recognised)
+        key = "; ".join(filter(None, [*meanings, facts.unlabelled]))
+    lines = [f"{text[:1].upper()}{text[1:]}." for text in (data, key) if text]
+    labels = None
+    if small:
+        labels = len([*_marks(drawn)]) if facts.named else 0
+    size = _size_of_page(drawn, labels)
+    plot = partial(plot_plate, plate=plate, layout=layout, recognised=recognised)
+    return page(size, f"{plate.name}: drawing", lines, plot, plate)
+
+
+def _meanings(layout: Layout, with_discs: bool, recognised: Recognised | None) -> list[str]:
+    """Return the meanings of the marks that a drawing has."""
     marks = {
-        "hatched: fixed": any(body.fixed for body in drawn.bodies),
-        "heavy lines: clamped": any(body.clamped for body in drawn.bodies),
-        "orange: hinges": bool(drawn.joints),
-        "dotted: another material": drawn.mixed,
-        "blue: actuators": bool(drawn.actuators),
-        "disc: the hub, rigid in the models": isinstance(plate, Stage),
-        "X, Y: output": bool(drawn.points),
+        "hatched: fixed": any(body.fixed for body in layout.bodies),
+        "heavy lines: clamped": any(body.clamped for body in layout.bodies),
+        "orange: hinges": bool(layout.joints),
+        "dotted: another material": layout.mixed,
+        "blue: actuators": bool(layout.actuators),
+        "disc: the hub, rigid in the models": with_discs,
+        "X, Y: output": bool(layout.points),
         "light blue: the drawing": recognised is not None,
         "red: thin parts that are no hinges": recognised is not None and bool(recognised.slender),
     }
-    key = "; ".join(text for text, there in marks.items() if there)
-    if isinstance(plate, Stage):
-        angles = minus(", ".join(f"{angle:.6g}" for angle in np.rad2deg(plate.chain.joint_angles)))
-        facts += [
-            f"link width {plate.chain.link_width:.6g} {LENGTH}",
-            f"joint angles {angles} {DEGREE}",
-        ]
-        if layout is not None:
-            key = (
-                "The stage cannot be made. Strips between the hinges stand for links that cannot "
-                "be drawn"
-            )
-        elif plate.chains_alike:
-            key += (
-                "; hinges are labelled on chain 1: chains 2 and 3 are the same, turned by 120 "
-                "and 240 degrees"
-            )
-    wide, high = np.ptp(np.reshape(shapely.total_bounds(plate_polygon(drawn)), (2, 2)), axis=0)
+    return [text for text, is_there in marks.items() if is_there]
+
+
+def _size_of_page(layout: Layout, labels: int | None) -> tuple[float, float]:
+    """Return width and height, in, of a drawing; as small as a number of labels allows, if any."""
+    bounds = np.reshape(shapely.total_bounds(plate_polygon(layout)), (2, 2))
+    wide, high = np.ptp(bounds, axis=0)
     room = 0.14 * max(wide, high)
     width = WIDTH
-    if small:
-        parts = 0 if isinstance(plate, Stage) else len([*_marks(drawn)])
-        width = float(np.clip(np.sqrt(LABEL_AREA * parts * wide / high), SMALLEST, WIDTH))
-    height = (
-        float(
-            np.clip((width - 0.6) * (high + room) / (wide + room), LOWEST * width / WIDTH, HIGHEST)
-        )
-        + 0.5
-    )
-    plot = partial(plot_plate, plate=plate, layout=layout, recognised=recognised)
-    if missing:
-        more = f" and {len(missing) - MOST_MISSING} more" * (len(missing) > MOST_MISSING)
-        facts = [f"unfinished: {'; '.join(missing[:MOST_MISSING])}{more}"]
-    lines = [f"{text[:1].upper()}{text[1:]}." for text in ("; ".join(facts), key) if text]
-    return page((width, height), f"{plate.name}: drawing", lines, plot, plate)
-
-
-def front_page(
-    caption: Caption,
-    plane: Callable[[Axes], object],
-    designs: Sequence[Mechanism],
-    rows: list[list[str]],
-) -> Figure:
-    """Draw a front and, below it, designs to one scale and the table of their numbers; its first
-    column names them.
-    """
-    widths = [0.75, *[(WIDTH - 1.35) / max(len(rows[0]) - 1, 1)] * (len(rows[0]) - 1)]
-    lines = -(-len(designs) // COLUMNS)
-    heights = [5.0, *[CELL_HEIGHT] * lines, sum(style.fitted(rows, widths)[1])][: 2 * lines + 1]
-    cells = [
-        [f"{k}" if k < len(designs) else "." for k in range(COLUMNS * n, COLUMNS * (n + 1))]
-        for n in range(lines)
-    ]
-    mosaic: list[Any] = [["front"] * COLUMNS, *cells, ["table"] * COLUMNS][: len(heights)]
-    figure = below_header((WIDTH, sum(heights) + 0.3), caption.title, caption.lines, caption)
-    axes = figure.subplot_mosaic(mosaic, height_ratios=heights)
-    plane(axes["front"])
-    drawings = [axes[f"{k}"] for k in range(len(designs))]
-    outlines = list(map(draw_plate, drawings, designs))
-    for ax, (name, *_) in zip(drawings, rows[1:], strict=True):
-        ax.set_title(name, weight="bold")
-        ax.set_axis_off()
-    if designs:
-        fit_to_one_scale(drawings, np.vstack(outlines))
-        style.table(axes["table"], rows, widths)
-    return figure
+    if labels is not None:
+        width = float(np.clip(np.sqrt(LABEL_AREA * labels * wide / high), SMALLEST, WIDTH))
+    height = (width - 0.6) * (high + room) / (wide + room)
+    return width, float(np.clip(height, LOWEST * width / WIDTH, HIGHEST)) + 0.5
 
 
 @in_house_style
 def load_figure(found: Result) -> Figure:
     """Draw a mechanism displaced by a load on its output, coloured by von Mises stress."""
     assert isinstance(found.fields, MeshFields)
-    model = found.axes["model"][-1]
-    force = found.at("force", model=model)
-    stress = found.at("hinge_stress", model=model)
-    force = np.where(np.abs(force) > ROUND_OFF * found.sizes("force")[-1], force, 0.0)
-    load = zip(NAMES.values(), force.tolist(), ("N", "N", "N mm"), strict=True)
-    parts = ", ".join(f"{name} {significant(value)} {unit}" for name, value, unit in load)
-    parts_loaded = [f"hinge {name}" for name in found.axes["hinge"]]
-    if "body_stress" in found.values:
-        parts_loaded += [f"body {name}" for name in found.axes["body"]]
-        stress = np.concatenate([stress, found.at("body_stress", model=model)])
-    worst = (
-        f"up to {significant(float(np.max(stress)))} {STRESS} at "
-        f"{parts_loaded[int(stress.argmax())]}"
-    )
-    fields = plane_fields(found.fields)
-    lines = [f"Load on the output {parts}: {worst}. Displacements"]
+    load = _load_text(found)
+    highest = _highest_stress(found)
+    lines = [f"Load on the output {load}: {highest}. Displacements"]
     title = f"{found.about.name}: stress under a load"
-    return displaced(title, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]
+    fields = {"": plane_fields(found.fields)}
+    return displaced(title, lines, fields, 1, found.about, WIDTH - 0.3).figure
+
+
+def _load_text(found: Result) -> str:
+    """Return the components of the load, with zeros in place of round-off."""
+    force = found.at("force", model=found.axes["model"][-1])
+    is_zero = np.abs(force) <= ROUND_OFF * found.sizes("force")[-1]
+    load = np.where(is_zero, 0.0, force).tolist()
+    components = zip(NAMES.values(), load, ("N", "N", "N mm"), strict=True)
+    return ", ".join(f"{name} {significant(value)} {unit}" for name, value, unit in components)
+
+
+def _highest_stress(found: Result) -> str:
+    """Return the highest stress, and where it is."""
+    model = found.axes["model"][-1]
+    stress = found.at("hinge_stress", model=model)
+    parts = [f"hinge {name}" for name in found.axes["hinge"]]
+    if "body_stress" in found.values:
+        parts += [f"body {name}" for name in found.axes["body"]]
+        stress = np.concatenate([stress, found.at("body_stress", model=model)])
+    return f"up to {significant(float(np.max(stress)))} {STRESS} at {parts[int(stress.argmax())]}"

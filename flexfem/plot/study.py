@@ -18,7 +18,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from flexfem.arrays import Array, is_wide
 from flexfem.plot import style
-from flexfem.plot.plate import front_page
+from flexfem.plot.front import front_page
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, panels
 from flexfem.plot.text import minus, significant
 from flexfem.plot.write import write_each

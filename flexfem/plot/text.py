@@ -1,15 +1,12 @@
-"""Number formatting and the Markdown report of stored verifications; matplotlib is not needed."""
+"""Texts of figures and pages: numbers, and notes on assumptions; matplotlib is not needed."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexfem.results import SPACE, number
-
-if TYPE_CHECKING:
-    from flexfem.paper.verification import Verification
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # tolerance within which a limit counts as round
@@ -17,9 +14,7 @@ SYMBOLS = ("X", "Y", "θ")
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """Format a number to significant digits: as a decimal where that is short, else with a power of
-    ten.
-    """
+    """Format a number to significant digits, as a decimal where that is short."""
     if value == 0:
         return "0"
     power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
@@ -44,9 +39,7 @@ def percent(value: float) -> str:
 
 
 def banded(value: float, band: float) -> str:
-    """Format a percentage and its band to the band's second digit: 14.071 ± 0.015 %; round-off as 0
-    %.
-    """
+    """Format a percentage and its band to the band's second digit, such as 14.071 ± 0.015 %."""
     if abs(value) < 1e-6 or band <= 0:
         return percent(value)
     return minus(number(value, band)).replace(" ", SPACE) + SPACE + "%"
@@ -58,17 +51,13 @@ def minus(text: str) -> str:
 
 
 def round_factor(limit: float) -> float:
-    """Return the largest number 1, 2 or 5 times a power of ten that does not exceed `limit`
-    (positive).
-    """
+    """Return the largest 1, 2 or 5 times a power of ten that does not exceed a positive limit."""
     power = 10.0 ** math.floor(math.log10(limit))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= limit * (1 + ROUND_DOWN))
 
 
 def assumption_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
-    """Note of figures and pages on keys that are assumed or have no source; empty without such
-    keys.
-    """
+    """Return the note on keys that are assumed or have no source; empty without such keys."""
     notes = []
     if assumed:
         notes.append(f"assumed {_subject(assumed)}")
@@ -78,9 +67,7 @@ def assumption_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> s
 
 
 def _subject(keys: Sequence[str]) -> str:
-    """Return what keys are about: commands of a case file (`case: `), what bodies are for, or else
-    dimensions.
-    """
+    """Return what keys are about: commands of a case, what bodies are for, or else dimensions."""
     if all(key.startswith("case: ") for key in keys):
         return "commands"
     if all(key.startswith("output.") or key.endswith((".fixed", ".clamped_edges")) for key in keys):
@@ -88,34 +75,8 @@ def _subject(keys: Sequence[str]) -> str:
     return "dimensions"
 
 
-def markdown_report(results: Sequence[Verification]) -> str:
-    """Return a Markdown page: tables of every result, warnings, and numbers that are assumed or
-    lack a source.
-    """
-    kinds = ("assumed", "not_stated")
-    note = assumption_note(
-        *([key for result in results for key in getattr(result, kind)] for kind in kinds)
-    )
-    parts = ["# Verification: analytic stage against finite elements"]
-    parts += ["The error is the finite-element displacement minus the commanded one."]
-    parts += [f"**{note}**: these numbers are listed at the end."] if note else []
-    parts += [f"## {result.case}\n\n{result.to_markdown()}" for result in results]
-    warnings = [f"- {result.case}: {text}" for result in results for text in result.warnings]
-    parts += ["## Warnings", "\n".join(warnings)] if warnings else []
-    assumptions = [
-        f"- `{key}`: {kind} ({names})"
-        for key, kind, names in assumption_rows([(r.case, r) for r in results])
-    ]
-    parts += ["## Assumed numbers, and numbers without a source"]
-    return (
-        "\n\n".join([*parts, "\n".join(assumptions or ["None: every number has a source."])]) + "\n"
-    )
-
-
 def assumption_rows(named: Sequence[tuple[str, Any]]) -> list[list[str]]:
-    """Rows of a table: key, kind (assumed or not stated), and the names of the records that list
-    the key.
-    """
+    """Return rows of key, kind of assumption, and names of the records that list the key."""
     names: dict[tuple[str, str], list[str]] = {}
     for name, record in named:
         for kind, keys in (("assumed", record.assumed), ("source not stated", record.not_stated)):

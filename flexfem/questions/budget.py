@@ -82,7 +82,7 @@ class Budget(Result):
         "outside": (CHART, MEASURED, IN_ALL),
         "commanded": DIRECTIONS,
     }
-    figure = "errors.budget_figure"
+    figure = "paper.figures.budget.budget_figure"
     reading: ClassVar[tuple[str, ...]] = (
         "shares are % of the commanded motion; a share is the error change by one model refinement",
     )

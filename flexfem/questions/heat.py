@@ -81,7 +81,7 @@ class Drift(Result):
     main_key = FRAME
     main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES, "out of plane": LIFTED}
-    figure = "fields.drift_figure"
+    figure = "paper.figures.drift.drift_figure"
     drawn_from_fields = True
     reading: ClassVar[tuple[str, ...]] = (
         "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, the "

@@ -102,7 +102,7 @@ class Large(Result):
         "within": ("a tenth of the amplitudes", "the amplitudes"),
     }
     columns = ("theory",)
-    figure = "drive.large_figure"
+    figure = "paper.figures.large.large_figure"
     reading = (
         "each theory is compared with its own linear solution; position error: linear position "
         "under the load that holds the stage at the command, minus the command, in % of the "

@@ -201,7 +201,7 @@ class Life(Result):
 
     title = "fatigue life"
     main = ("life", {})
-    figure = "experiment.life_figure"
+    figure = "life.life_figure"
     life = Quantity("cycles until the first neck fails", "", ("model",), Gate(0.05))
     fewest = Quantity(
         "fewest cycles by the uncertainty of the stress", "", ("model",), Gate(0.1), only="stage"

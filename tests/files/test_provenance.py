@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from flexfem.paper.case import LoadedCase
+from flexfem.paper.figures.stored import markdown_report
 from flexfem.paper.stage import load_stage
 from flexfem.paper.verification import run_case
-from flexfem.plot.text import assumption_note, markdown_report
+from flexfem.plot.text import assumption_note
 from flexfem.study.loaded import load_study
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from flexfem.plot.errors import budget_figure, convergence_figure, error_figure
+from flexfem.paper.figures.budget import budget_figure
+from flexfem.paper.figures.errors import error_figure
+from flexfem.plot.errors import convergence_figure
 from flexfem.units import DIRECTIONS
 
 ERRORS = {"mobility three": (0.1407, 0.0311, -0.0523), "mobility six": (-0.0712, 3e-5, 0.0411)}

@@ -18,16 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 import flexfem
-from flexfem.plot.fields import deformed_figure, exaggeration, largest_stress
-from flexfem.plot.hinge import hinge_rows, hinge_sketch
+from flexfem.paper.figures.deformed import deformed_figure, largest_stress
+from flexfem.paper.figures.hinge import hinge_rows, hinge_sketch
+from flexfem.paper.figures.mesh import neck_figure, stage_figure
+from flexfem.paper.figures.pseudo_rigid import links_of_chain, mobility_line, model_sketch
+from flexfem.plot.fields import exaggeration
 from flexfem.plot.plate import plot_plate
-from flexfem.plot.stage import (
-    links_of_chain,
-    mobility_line,
-    model_sketch,
-    neck_figure,
-    stage_figure,
-)
 from flexfem.results import Fields
 
 from ..conftest import UNLIKE, with_changes

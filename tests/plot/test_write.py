@@ -9,7 +9,7 @@ import sys
 import pytest
 
 import flexfem
-from flexfem.plot.write import plans, write_figures
+from flexfem.paper.figures.stored import plans, write_figures
 
 from ..conftest import ROOT
 from ..design.recorded import recorded
@@ -18,7 +18,7 @@ ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 
 DRAW = """
 import sys, pathlib
-from flexfem.plot.write import write_figures
+from flexfem.paper.figures.stored import write_figures
 from flexfem.paper.verification import Verification
 result = Verification.read(pathlib.Path(sys.argv[1]))
 write_figures([(result, result.read_fields(pathlib.Path(sys.argv[1])))], pathlib.Path(sys.argv[2]))

@@ -16,9 +16,9 @@ from flexfem.commands import cli
 from flexfem.paper.drive import StageDrive
 from flexfem.paper.drives import drive_of
 from flexfem.paper.fields import driven_response
+from flexfem.paper.figures.drive import plot_drive, plot_forces, plot_strokes, stack_ends
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
-from flexfem.plot.drive import plot_drive, plot_forces, plot_strokes, stack_ends
 from flexfem.questions.driven import CRITERIA, Driven
 
 from ..conftest import ROOT

@@ -11,7 +11,7 @@ from matplotlib.text import Annotation
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.plot.fields import drift_figure, plot_drift
+from flexfem.paper.figures.drift import drift_figure, plot_drift
 from flexfem.questions import heat
 from flexfem.questions.bands import corner_bands, pose_bands
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID

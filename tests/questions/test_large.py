@@ -10,10 +10,10 @@ import pytest
 import flexfem
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.paper.equilibrium import at_pose
+from flexfem.paper.figures.large import large_figure
 from flexfem.paper.model import analyse, assemble
 from flexfem.paper.solutions import solved
 from flexfem.paper.stage_mesh import plate_of
-from flexfem.plot.drive import large_figure
 from flexfem.questions import large as module
 from flexfem.questions.large import EXACT, HELD, LOADED, TANGENT, WITHOUT, Large
 from flexfem.units import DIRECTIONS

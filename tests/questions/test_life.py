@@ -15,7 +15,7 @@ import flexfem
 from flexfem.commands import cli
 from flexfem.hinges.strength import checked_law, equivalent
 from flexfem.paper.solutions import solved
-from flexfem.plot.experiment import life_figure, plot_life
+from flexfem.plot.life import life_figure, plot_life
 from flexfem.questions.life import CyclicMotion, by_elements, by_model, cyclic_motion, factor_at
 from flexfem.results import ANALYTIC, ELEMENTS
 

@@ -18,11 +18,11 @@ from flexfem.paper.commanding import Commanding, commanding, driven_elements
 from flexfem.paper.designs import lower
 from flexfem.paper.driven import drive_ranges, stress_along
 from flexfem.paper.drives import ActuatorSet, drive_of
+from flexfem.paper.figures.reach import reach_figure
 from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.paper.polytope import polytope_of
 from flexfem.paper.reach import StageReach, pose_set
 from flexfem.paper.stage import Stage, load_stage
-from flexfem.plot.drive import reach_figure
 from flexfem.questions.driven import CommandLimits, Driven, stroke_limits
 from flexfem.questions.poses import PoseSet
 from flexfem.refused import BadInput, ComputationFailed

@@ -1,0 +1,1 @@
+"""Figures of the nine-hinge stage alone: Figs. 2 to 7 and 11 of the paper, its drive and its poses."""
