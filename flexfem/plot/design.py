@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from flexfem.design.result import Designed, Goal, Requirement
 from flexfem.files.refusals import shown
 from flexfem.mechanism.loading import mechanism_of
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.plot import style
 from flexfem.plot.drawing import fit, label_axes
 from flexfem.plot.front import front_page
@@ -60,7 +61,7 @@ def design_figure(found: Designed) -> Figure:
     ]
     layout = ((10.6, 8.2), 2, 2) if found.front else ((14.0, 4.9), 1, 3)
     figure, axes = panels(layout[0], found.name, lines, *layout[1:], found)
-    fit(axes[0], draw_plate(axes[0], mechanism_of(tomllib.loads(found.stage))))
+    fit(axes[0], draw_plate(axes[0], _drawn(found.stage)))
     label_axes(axes[0])
     titled(axes[0], "a", f"designed {found.kind}")
     titled(plot_margins(axes[1], found), "b", "requirements")
@@ -68,6 +69,11 @@ def design_figure(found: Designed) -> Figure:
     if found.front:
         titled(plot_tradeoff(axes[3], found), "d", "best designs in both objectives")
     return figure
+
+
+def _drawn(text: str) -> Mechanism:
+    """Return the mechanism that the text of a file describes."""
+    return mechanism_of(tomllib.loads(text))
 
 
 def plot_margins(ax: Axes | None, found: Designed) -> Axes:
@@ -206,7 +212,7 @@ def front_figure(found: Designed) -> Figure:
     return front_page(
         caption,
         partial(plot_tradeoff, found=found),
-        [_plate(each.stage) for each in found.front],
+        [_drawn(each.stage) for each in found.front],
         rows,
     )
 
