@@ -25,6 +25,7 @@ from flexfem.arrays import Array
 from flexfem.design.proof import CORNER_COLUMNS, column_band
 from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
+from flexfem.mechanism.expansion import expansion_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.batch import elements, solved_design
 from flexfem.paper.commanding import element_ranges
@@ -32,7 +33,6 @@ from flexfem.paper.responses import rates_of
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import plate_of
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
-from flexfem.questions.heat import expansion_of
 from flexfem.questions.life import cyclic_motion
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import (

@@ -18,7 +18,7 @@ platform's centre. The frame also strains and bows the clamped edge of an elasti
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from flexfem.analytic.network import Dynamics
 from flexfem.arrays import Array, direction
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import neck_stress
+from flexfem.mechanism import expansion
 from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import inertia_of
@@ -282,10 +283,6 @@ def _stress(designs: Designs, wrenches: Array) -> Array:
     return neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
 
 
-Rates = TypeVar("Rates", float, Array)
-MISSING = "is missing, expected um/(m K), the coefficient of linear thermal expansion"
-
-
 class WarmModel(NamedTuple):
     """Response of n designs to three cases, the last axis: 1 K, 1 K/mm along x, 1 K/mm along y.
 
@@ -319,33 +316,11 @@ class DriftRates(NamedTuple):
 
 
 def require_expansion(stage: Mechanism, frame: bool = False) -> None:
-    """Raise BadInput for a stage or mechanism without an expansion or, if `frame`, for a frame
-    without one.
-    """
-    if stage.material.expansion is None:
-        raise BadInput(f"material.expansion_um_per_m_k {MISSING} (aluminium 23.6)")
-    for part in stage.layout.parts:
-        if part.material is not None and part.material.expansion is None:
-            raise BadInput(
-                f"{part.key}.material.expansion_um_per_m_k {MISSING}: other parts have another "
-                "material"
-            )
+    """Raise BadInput without an expansion of the stage or, if `frame`, of its frame."""
+    expansion.require_expansion(stage)
     if frame and isinstance(stage, Stage) and stage.frame.expansion is None:
         reason = "with the expansion of the stage it does not move the platform"
-        raise BadInput(f"frame.expansion_um_per_m_k {MISSING} of the frame: {reason}")
-
-
-def expansion_in_plane(plate: Rates, frame: Rates, out_of_plane: Rates) -> Rates:
-    """Return the effective expansion in the plane, 1/K, of a plate on a frame, with coefficients in
-    1/K.
-
-    Notes
-    -----
-    In plane strain, where `out_of_plane` is nu, the faces are held at the expansion of the frame.
-    The strain `a_frame T` across the plate and `s_z = nu (s_x + s_y) + E (a_frame - a) T` leave `a
-    T + nu (a - a_frame) T` in the plane. In plane stress, where `out_of_plane` is zero, the faces
-    are free and the expansion is that of the plate."""
-    return plate + out_of_plane * (plate - frame)
+        raise BadInput(f"frame.{expansion.KEY} {expansion.MISSING} of the frame: {reason}")
 
 
 def in_plane(designs: Designs) -> tuple[Array, Array]:
@@ -354,7 +329,7 @@ def in_plane(designs: Designs) -> tuple[Array, Array]:
     """
     stage, frame = designs.expansion.T
     frame = np.where(np.isnan(frame), stage, frame)
-    return expansion_in_plane(stage, frame, designs.out_of_plane), frame
+    return expansion.expansion_in_plane(stage, frame, designs.out_of_plane), frame
 
 
 def rates_of(pose: Array) -> DriftRates:

@@ -29,6 +29,7 @@ from flexfem.paper.stage_file import StageContent, actuators_of, hinges_of, of_d
 
 # module in `flexfem.paper` by question
 ANSWERS: dict[str, str] = {
+    "drift": "drift",
     "drive": "drive",
     "gravity": "gravity",
     "reach": "reach",

@@ -12,7 +12,6 @@ from matplotlib.text import Annotation
 import flexfem
 from flexfem.commands import cli
 from flexfem.paper.figures.drift import drift_figure, plot_drift
-from flexfem.questions import heat
 from flexfem.questions.bands import corner_bands, pose_bands
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
@@ -179,7 +178,7 @@ def test_three_dimensions_drift_as_the_plane_says_and_rise_with_a_gradient_throu
 def test_unlike_chains_tilt_in_three_dimensions_and_fields_of_every_case_are_written(
     monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(heat, "LEAST_SOLID", 4)
+    monkeypatch.setattr("flexfem.paper.drift.LEAST_SOLID", 4)
     unlike = flexfem.load(STAGE).replace(override=NECKS, thickness=4.0)
     found = flexfem.drift(unlike, models="elements", resolution=4, solid=True)
     tilt = found.at("tilt", model=SOLID)

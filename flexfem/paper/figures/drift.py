@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
+from flexfem.paper.drift import Drift, WarmFields
 from flexfem.plot.drawing import fit
 from flexfem.plot.fields import (
     ROUND_OFF,
@@ -20,7 +21,7 @@ from flexfem.plot.fields import (
 from flexfem.plot.mesh import draw_boundary
 from flexfem.plot.style import INK, NAMES, in_house_style, panels, titled
 from flexfem.plot.text import significant
-from flexfem.questions.heat import CASES, Drift, WarmFields
+from flexfem.questions.heat import CASES
 from flexfem.refused import BadInput, printed
 from flexfem.results import ELEMENTS
 from flexfem.units import DIRECTIONS, MICROMETRE, STRESS, unit_for
