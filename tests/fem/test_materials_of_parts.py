@@ -16,7 +16,8 @@ from flexfem.fem import ports
 from flexfem.fem.elements import mirrored
 from flexfem.fem.export import write_plate_mesh
 from flexfem.fem.nonlinear import driven
-from flexfem.fem.plate_mesh import mesh_layout, symmetry_of
+from flexfem.fem.plate_mesh import mesh_layout
+from flexfem.fem.plate_symmetry import symmetry_of
 from flexfem.mechanism.layout import Body, Constants, Joint, Layout, Patch
 from flexfem.mechanism.outlines import polyline
 from flexfem.mechanism.profiles import Leaf

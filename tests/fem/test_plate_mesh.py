@@ -17,7 +17,8 @@ from scipy.spatial import cKDTree
 import flexfem
 import flexfem.fem.plate_mesh
 from flexfem.fem.mesh import jacobians, nodes_on, scaled_jacobians
-from flexfem.fem.plate_mesh import mesh_layout, plate_contours, symmetry_of
+from flexfem.fem.plate_mesh import mesh_layout, plate_contours
+from flexfem.fem.plate_symmetry import symmetry_of
 from flexfem.fem.ports import plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import Segment, area, disc, polyline, reverse
