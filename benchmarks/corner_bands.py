@@ -27,11 +27,12 @@ from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
 from flexfem.mechanism.expansion import expansion_of
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.paper.batch import elements, solved_design
 from flexfem.paper.commanding import element_ranges
+from flexfem.paper.outputs import values_of
 from flexfem.paper.responses import rates_of
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import plate_of
+from flexfem.paper.study import Requests, elements, solved_design
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.questions.life import cyclic_motion
 from flexfem.refused import BadInput, ComputationFailed
@@ -43,7 +44,6 @@ from flexfem.study.columns import (
     RANGES,
     STRESSES,
     outputs_of,
-    values_of,
 )
 
 RESOLUTIONS = (4, 6, 8)
@@ -156,7 +156,7 @@ def _dimensions(rng: np.random.Generator, number: int) -> dict[str, Any]:
 def _answered(stage: Stage, resolution: int) -> tuple[Array, Array]:
     """Columns (k,) and poses (3, 3) of one mesh."""
     limit = Limit(600.0)
-    found = solved_design(stage, resolution, limit, repeated=REPEATED)
+    found = solved_design(stage, resolution, limit, Requests(repeated=REPEATED))
     mesh = elements(stage, resolution, limit).mesh
     alpha = expansion_of(stage)
     poses = heat_response(mesh, plate_of(stage), alpha.plate, alpha.frame).motions

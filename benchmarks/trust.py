@@ -23,7 +23,7 @@ from flexfem.questions.bands import error_matrix
 from flexfem.questions.budget import thick_compliance
 from flexfem.refused import BadInput
 from flexfem.study.findings import Caption, Cells, StudyMap, factor, output
-from flexfem.study.loaded import load_study, sample, stage_of
+from flexfem.study.loaded import load_study, mechanism_of, sample
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
 LINES = (
@@ -55,7 +55,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("reports"))
     loaded = load_study(STUDY)
     values = sample(loaded, 0, loaded.count)
-    found = np.array([errors(stage_of(loaded, row)) for row in values])
+    found = np.array([errors(mechanism_of(loaded, row)) for row in values])
     radii = np.unique(values[:, 0])
     necks = np.unique(values[:, 1])
     thick, plane, turned = (
@@ -74,7 +74,7 @@ def main() -> None:
             print(f"| {radii[k]:.2f} | {necks[j]:.3f} | {row} |")
     without = np.isnan(thick).ravel()
     across, up = (factor(column) for column in loaded.columns)
-    lines = [f"Base stage: {loaded.stage.name}.", LINES]
+    lines = [f"Base stage: {loaded.base.name}.", LINES]
     shown = StudyMap(
         Caption("Error along X of a stage 10 mm thick", lines, *loaded.assumptions),
         *(across, up, output("error_x_percent")),

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial, reduce
+from importlib import import_module
 from operator import getitem, methodcaller
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, TypeAlias
@@ -23,38 +24,31 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 import flexfem
-from flexfem.arrays import brief
+from flexfem.arrays import Array, brief
 from flexfem.fem.mesh import RESOLUTION, StageMesh, check_triangles
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
-from flexfem.fem.response import platform_response
 from flexfem.files.refusals import checked_path, key_path, place_of
 from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import paths_in, read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
-from flexfem.hinges.choice import CALIBRATED, DEFAULT_FORMULA
 from flexfem.mechanism.loading import load
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import components, plate_polygon
-from flexfem.paper.case import LoadedCase
-from flexfem.paper.stage import Stage
-from flexfem.paper.stage_mesh import build_mesh, plate_of
-from flexfem.paper.verification import run_case
 from flexfem.questions.bands import levels
 from flexfem.questions.plates import verification
-from flexfem.questions.stiffness import stiffness, summary
+from flexfem.questions.stiffness import stiffness
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import EXACT, LARGEST_FILE, Number, Progress, Result, versions
 from flexfem.study import table
 from flexfem.study.columns import ERRORS, sizes_of
-from flexfem.units import DIRECTIONS, NONE
+from flexfem.units import NONE
 
 COARSE = 2  # triangles across the necks of a stored mesh
+EDGES = "edges."  # before the names of edges of a stored mesh
 ON_KEPT = 1e-7  # accepted change of a compliance on a stored mesh, relative to the diagonal
-FORCE = (1.0, -2.0, 30.0)
-AMPLITUDE = (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad; unequal components
-POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad; of the drive
+FORCE = (1.0, -2.0, 30.0)  # N, N, N mm; unequal components
+AMPLITUDE = (0.05, -0.02, 5e-4)  # mm, mm, rad
 # by model or prefix of the column
 STUDY_GATES = {"analytic": EXACT.relative, "stress": 3e-2, "range": 3e-2, "band": 1e-3}
 COARSER_TABLE = 3e-4  # for other columns
@@ -71,29 +65,23 @@ class Stored(BaseModel, extra="forbid"):
     numbers: dict[str, dict[str, Annotated[list[float], Field(min_length=1, max_length=2)]]]
 
 
-ANALYTIC = partial(stiffness, models="analytic")
-QUESTIONS: dict[str, Callable[[Any], Result]] = {  # of a stage; those that do not apply are omitted
-    "paper": partial(ANALYTIC, analytic=flexfem.Analytic(formula=DEFAULT_FORMULA)),
-    "links": partial(ANALYTIC, analytic=flexfem.Analytic(21, CALIBRATED, True)),
+QUESTIONS: dict[
+    str, Callable[[Any], Result]
+] = {  # of a mechanism; those that do not apply are omitted
     "stiffness": partial(stiffness, force=FORCE),
-    "summary": summary,
     "drift": flexfem.drift,
-    "modes": flexfem.modes,
-    "life": partial(flexfem.life, amplitude=AMPLITUDE),
-    "drive": partial(flexfem.drive, pose=POSE),
+    "modes": partial(flexfem.modes, resolution=4),
+    "life": partial(flexfem.life, amplitude=AMPLITUDE, law=flexfem.Basquin(900.0, -0.1)),
+    "drive": flexfem.drive,
     "reach": flexfem.reach,
-    "large": partial(flexfem.large, resolution=COARSE),
+    "large": partial(flexfem.large, amplitude=0.2),
     "gravity": flexfem.gravity,
     "budget": partial(flexfem.budget, plane=True),
     "convergence": partial(flexfem.converge, resolutions=[*levels(RESOLUTION)]),
-}
-OF_MECHANISMS: dict[str, Callable[[Any], Result]] = {  # beside those, or instead of them
-    "drive": flexfem.drive,
-    "modes": partial(flexfem.modes, resolution=4),
-    "large": partial(flexfem.large, amplitude=0.2),
-    "life": partial(flexfem.life, amplitude=AMPLITUDE, law=flexfem.Basquin(900.0, -0.1)),
     "errors": verification,
 }
+# module with `case_result` and `case_stages` of a kind of file that compares mechanisms
+CASES = {"case": "flexfem.paper.baseline"}
 
 
 @brief
@@ -360,34 +348,27 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
     """Yield the numbers of an input file by question; `folder` holds meshes. Raises BadInput,
     ComputationFailed.
     """
-    match kind_of(path):
-        case "stage" | "mechanism":
-            plate = load(path)
-            questions = QUESTIONS
-            if isinstance(
-                plate, MechanismFile
-            ):  # the summary repeats numbers of stiffness, modes and reach
-                questions = {
-                    name: one
-                    for name, one in (QUESTIONS | OF_MECHANISMS).items()
-                    if name != "summary"
-                }
-            for name, question in questions.items():
-                try:
-                    yield name, _compared(question(plate))
-                except BadInput:  # the question does not apply to the plate
-                    continue
-            yield "mesh", kept(plate, path, folder)
-        case "case":
-            loaded = LoadedCase(path)
-            yield "errors", _compared(run_case(loaded))
-            if loaded.case.model == "fe":
-                for curve in loaded.case.curve:
-                    stage = loaded.stages[curve.label]
-                    file = loaded.stage_path(curve)
-                    yield f"mesh of {curve.label}", kept(stage, file, folder)
-        case _:
-            yield "table", _by_path(_of_study(path))
+    kind = kind_of(path)
+    if kind == "study":
+        yield "table", _by_path(_of_study(path))
+    elif kind in CASES:
+        cases = import_module(CASES[kind])
+        yield "errors", _compared(cases.case_result(path))
+        for label, mechanism, file in cases.case_stages(path):
+            yield f"mesh of {label}", kept(mechanism, file, folder)
+    else:
+        yield from _of_mechanism(path, folder)
+
+
+def _of_mechanism(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
+    """Yield the numbers of a mechanism by question, then those on its stored mesh."""
+    mechanism = load(path)
+    own = mechanism.answering("accepted_questions")
+    questions = QUESTIONS if own is None else own(mechanism)
+    for name, question in questions.items():
+        with suppress(BadInput):  # the question does not apply to the mechanism
+            yield name, _compared(question(mechanism))
+    yield "mesh", kept(mechanism, path, folder)
 
 
 def _compared(found: Result) -> Numbers:
@@ -406,41 +387,20 @@ def _number(path: str, value: float, accepted: float) -> Number:
     return Number(path, value, np.nan, NONE, accepted, 0.0)
 
 
-def kept(plate: Mechanism, path: Path, folder: Path) -> Numbers:
+def kept(mechanism: Mechanism, path: Path, folder: Path) -> Numbers:
     """Return the compliance on the stored mesh, which is made if missing. Raises BadInput when it
     is damaged.
     """
-    place = folder / f"{path.stem}-{plate.hash[:8]}.npz"
+    place = folder / f"{path.stem}-{mechanism.hash[:8]}.npz"
     if not place.exists():
-        made = (
-            build_mesh(plate, COARSE)
-            if isinstance(plate, Stage)
-            else mesh_layout(plate.layout, COARSE)
-        )
-        arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in made.edges.items()} | {
-            "nodes": made.nodes
-        }
-        arrays |= {
-            "triangles": made.triangles.astype(np.int32),
-            "bodies": made.bodies.astype(np.int16),
-        }
-        write_atomically(
-            place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
-        )
+        _store_mesh(mechanism, place)
     held = read_arrays(place, "a stored mesh")
+    layout = mechanism.layout
     try:
-        edges = {
-            name.removeprefix("edges."): held[name] for name in held if name.startswith("edges.")
-        }
-        bodies, triangles = (held[name].astype(np.int64) for name in ("bodies", "triangles"))
-        mesh = StageMesh(held["nodes"], triangles, bodies, edges)
-        check_triangles(mesh, plate_polygon(plate.layout).area, len(components(plate.layout)))
-        if isinstance(plate, Stage):
-            ports = list[str](DIRECTIONS)
-            C = platform_response(mesh, plate_of(plate)).compliance
-        else:
-            C = plate_response(plate.layout, mesh).compliance
-            ports = [port.label.replace(" ", "_") for port in plate.layout.ports]
+        mesh = _mesh_of(held)
+        check_triangles(mesh, plate_polygon(layout).area, len(components(layout)))
+        own = mechanism.answering("stored_compliance") or _compliance_on
+        ports, C = own(mechanism, mesh)
     except (KeyError, IndexError, ValueError, ComputationFailed) as error:
         raise BadInput(f"{place}: not a mesh of {path}: {error}") from None
     size = np.sqrt(np.outer(np.diag(C), np.diag(C)))
@@ -448,6 +408,34 @@ def kept(plate: Mechanism, path: Path, folder: Path) -> Numbers:
         _number(f"compliance.{ports[i]}.{ports[j]}", float(C[i, j]), ON_KEPT * float(size[i, j]))
         for i, j in np.ndindex(C.shape)
     )
+
+
+def _store_mesh(mechanism: Mechanism, place: Path) -> None:
+    made = (mechanism.answering("stored_mesh") or _mesh_for)(mechanism, COARSE)
+    arrays: dict[str, Any] = {f"{EDGES}{name}": edge for name, edge in made.edges.items()}
+    arrays |= {
+        "nodes": made.nodes,
+        "triangles": made.triangles.astype(np.int32),
+        "bodies": made.bodies.astype(np.int16),
+    }
+    write_atomically(place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+
+
+def _mesh_for(mechanism: Mechanism, resolution: int) -> StageMesh:
+    return mesh_layout(mechanism.layout, resolution)
+
+
+def _mesh_of(held: Mapping[str, Any]) -> StageMesh:
+    """Return a stored mesh. Raises KeyError, IndexError or ValueError where it is damaged."""
+    edges = {name.removeprefix(EDGES): held[name] for name in held if name.startswith(EDGES)}
+    triangles = held["triangles"].astype(np.int64)
+    return StageMesh(held["nodes"], triangles, held["bodies"].astype(np.int64), edges)
+
+
+def _compliance_on(mechanism: Mechanism, mesh: StageMesh) -> tuple[list[str], Array]:
+    """Return the names of the ports, and the compliance (ports, ports) on a mesh."""
+    ports = [port.label.replace(" ", "_") for port in mechanism.layout.ports]
+    return ports, plate_response(mechanism.layout, mesh).compliance
 
 
 def _of_study(path: Path) -> Iterator[Number]:

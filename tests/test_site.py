@@ -16,7 +16,6 @@ import pytest
 from matplotlib import pyplot
 
 import flexfem
-from flexfem import baselines
 
 ROOT = Path(__file__).parent.parent
 THEORY = (ROOT / "docs/theory.md").read_text()
@@ -72,9 +71,8 @@ def test_the_page_on_continuous_integration_does_what_it_says(request, monkeypat
     (workflow,) = blocks("docs/howto/lab-ci.md", "yaml")
     assert all(f"run: {line}\n" in workflow for line in every)
     command = request.getfixturevalue("flexfem")
-    monkeypatch.setattr(
-        baselines, "QUESTIONS", {"paper": lambda stage: flexfem.stiffness(stage, models="analytic")}
-    )
+    only = {"paper": lambda stage: flexfem.stiffness(stage, models="analytic")}
+    monkeypatch.setattr("flexfem.paper.baseline.QUESTIONS", only)
 
     def codes(*lines):
         return [

@@ -5,30 +5,22 @@ designs at once.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.design.requirements import MASS, SCATTERED, Free, LoadedRequirements
-from flexfem.design.scatter import REFUSED, NeckScatter
-from flexfem.mechanism.feasibility import check_feasible
-from flexfem.paper.bodies import drawn_inertia
-from flexfem.paper.designs import Designs
-from flexfem.paper.equations import freedoms_of
-from flexfem.paper.feasibility import conditions
-from flexfem.paper.model import at_rest, hinge_compliances
-from flexfem.paper.stage import Stage
-from flexfem.questions.bands import error_matrix
+from flexfem.design.kind import DesignKind, kind_of
+from flexfem.design.requirements import Free, LoadedRequirements
 from flexfem.results import Progress
-from flexfem.study.answer import answer_designs, for_stages, joined
-from flexfem.study.columns import ERRORS, STIFFNESSES, Rows
+from flexfem.study.answer import answer_designs, joined
+from flexfem.study.columns import Rows
 from flexfem.study.factors import Column
-from flexfem.study.loaded import designs_of, evaluated, stage_of
-from flexfem.units import UNITS
+from flexfem.study.judge import evaluated
 
 MISSED = 1e30  # least merit of a design that violates requirements
 REFUSED_MERIT = 100 * MISSED  # merit of a design without a solution, or with overlapping bodies
@@ -179,11 +171,10 @@ class Model:
         self.sizes = np.where(np.isfinite(ends).any(axis=1), np.where(finite > 0, finite, 1.0), 0.0)
         self.room = BETWEEN * (self.high - self.low)  # infinite where there is one end
 
-    @property
-    def scatter(self) -> NeckScatter | None:
-        """Scatter of the nine necks if a coupling under tolerance is requested, else None."""
-        wanted = self.required.tolerance is not None and self.required.used & {*SCATTERED}
-        return NeckScatter.drawn(self.required.tolerance, self.required.seed) if wanted else None
+    @cached_property
+    def kind(self) -> DesignKind:
+        """What requirements on this kind of mechanism can use beyond the outputs of the study."""
+        return kind_of(self.loaded)
 
     def evaluate(self, values: Array) -> Array:
         """Return the quantities (n, q) of designs (n, d) in file units, objectives first; nan
@@ -196,40 +187,21 @@ class Model:
         """Return the uncorrected columns (n,) of the model by name, and the reasons (n,) for
         designs without any.
         """
-        study = self.loaded
-        required = self.required
         rows = self._rows(values)
         reason = np.where(rows.status == "ok", "", rows.reason).astype(object)
-        columns = dict(
-            zip((*study.outputs, *self.space.names), (*rows.values.T, *values.T), strict=True)
-        )
+        names = (*self.loaded.outputs, *self.space.names)
+        columns = dict(zip(names, (*rows.values.T, *values.T), strict=True))
         with np.errstate(all="ignore"):
-            if required.used & {*MASS}:
-                drawn = self._drawn(values, reason, lambda stage: float(drawn_inertia(stage)[0, 0]))
-                columns["mass_kg"] = UNITS["kg"].factor * np.array(
-                    [drawn.get(k, np.nan) for k in range(len(values))]
-                )
-            if required.used & {*ERRORS}:
-                K = np.array([columns[name] for name in STIFFNESSES]).T[
-                    :, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]
-                ]
-                errors = formula_errors(designs_of(study, values), K, required.paper_formula)
-                columns |= dict(zip(ERRORS, errors.T, strict=True))
-            if self.scatter is not None:
-                self.counts["analytic with scattered necks"] += len(values) * len(
-                    self.scatter.searched
-                )
-                couplings = self.scatter.quantiles(
-                    designs_of(study, values), required.formula, required.mobility
-                )
-                reason[(reason == "") & np.isnan(couplings).any(axis=1)] = REFUSED
-                columns |= dict(zip(SCATTERED, couplings.T, strict=True))
+            columns |= self.kind.columns(values, columns, reason, self.counts)
         return columns, reason
 
     def _rows(self, values: Array) -> Rows:
-        """Return the rows of designs (n, d) by the analytic model; those of a mechanism are kept."""
+        """Return the rows of designs (n, d) by the analytic model.
+
+        Rows of designs that are computed one after the other are kept.
+        """
         study = self.loaded
-        if not self.required.on_mechanism:
+        if study.family.batch is not None:
             self.counts["analytic"] += len(values)
             return answer_designs(study, values)
         keys = [row.tobytes() for row in values]
@@ -238,15 +210,6 @@ class Model:
                 self.counts["analytic"] += 1
                 self.known[key] = answer_designs(study, row[None])
         return joined(study, [self.known[key] for key in keys])
-
-    def _drawn(
-        self, values: Array, reason: AnyArray, function: Callable[[Stage], Any]
-    ) -> dict[int, Any]:
-        """Return the results of a function of each drawn stage; write why one cannot be drawn to
-        `reason` (n,).
-        """
-        self.counts["drawn"] += int(np.sum(reason == ""))
-        return for_stages(lambda k: stage_of(self.loaded, values[k]), reason, function)
 
     def corrected(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Apply the corrections to columns by name."""
@@ -308,46 +271,20 @@ class Model:
         return np.where(np.isfinite(quantities).all(axis=1), merit, REFUSED_MERIT)
 
     def drawable(self, values: Array) -> bool:
-        """Return whether a design (d,) can be drawn, without overlap of its bodies, as any
-        mechanism with a result.
+        """Return whether a design (d,) with a result can be drawn, without overlap of its bodies.
+
+        Without arrays of designs it was drawn before it was computed.
         """
-        reason = np.array([""], object)
-        return self.required.on_mechanism or bool(self._drawn(values[None], reason, check_feasible))
+        family = self.loaded.family
+        if family.batch is None:
+            return True
+        self.counts["drawn"] += 1
+        return family.drawable(values) is not None
 
     def constraints(self, values: Array, quantities: Array) -> Array:
-        """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, gaps over the
-        link width.
+        """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, and rooms of
+        the geometric conditions.
         """
         ends = np.hstack(self.both_margins(quantities))[:, np.isfinite([*self.low, *self.high])]
-        if self.required.on_mechanism:
-            return ends
-        with np.errstate(all="ignore"):
-            designs = designs_of(self.loaded, values)
-            checks = conditions(designs)
-            notch, clear, apart, hub = (
-                np.column_stack([check.room.min(axis=1) for check in checks if word in check.wrong])
-                for word in ("notch", "covers", "closer", "hub larger")
-            )
-            gaps = (
-                np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub])
-                / designs.link_width[:, None]
-            )
-        return np.hstack([ends, gaps])
-
-
-def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:
-    """Return the errors (n, 3), %, along x, y, theta of a model with a hinge formula and the
-    stage's own mobility.
-
-    stiffness : (n, 3, 3), the reference for the errors; nan without a solution.
-    """
-    paper = at_rest(
-        designs, hinge_compliances(designs, formula), freedoms_of(None, designs.prismatic)
-    ).stiffness
-    errors = np.full((len(stiffness), 3), np.nan)
-    solved = np.isfinite(stiffness).all(axis=(1, 2))
-    percent = error_matrix(
-        paper[solved], np.asarray(np.linalg.inv(stiffness[solved])), np.ones(int(solved.sum()))
-    )
-    errors[solved] = np.diagonal(percent, axis1=1, axis2=2)
-    return errors
+        batch = self.loaded.family.batch
+        return ends if batch is None else np.hstack([ends, batch.rooms(values)])

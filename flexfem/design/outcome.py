@@ -15,24 +15,17 @@ from flexfem.design import result as record
 from flexfem.design.model import MISSED, ROUND_OFF, Model
 from flexfem.design.proof import ElementSolver, Proof, Proposal, proof, space_mapping
 from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective, Require, Tolerance
-from flexfem.design.scatter import OTHERS, deviations, scattered
+from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import optimum
 from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import key_path, one_line, path_of
 from flexfem.files.tables import LABEL_LENGTH
-from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.paper.commanding import commanding, push_spread
-from flexfem.paper.model import best_model
-from flexfem.questions.setup import sharp_roots
-from flexfem.questions.stiffness import stiffness
 from flexfem.results import versions
 from flexfem.study import columns as outputs
-from flexfem.study.answer import answer_designs, with_warnings
+from flexfem.study.answer import answer_designs
 from flexfem.study.findings import axis_of, factor, non_dominated
-from flexfem.study.loaded import plate_of, stage_of
-from flexfem.units import short, unit_of
+from flexfem.study.loaded import mechanism_of
 
 PLANE_ALONE = {
     *outputs.DRIVE_RANGES,
@@ -44,13 +37,6 @@ PLANE_ALONE = {
     *outputs.CROSSES,
     *outputs.BANDS,
 }
-LINEAR = {  # numbers by linear theory, and the range at finite displacement that they stand for
-    "yield_range": ("range", "held"),
-    "yield_force": ("range_force", "held"),
-    "free_yield_range": ("range", "free"),
-}
-WORTH_A_WARNING = 1.0  # per cent, of such a number
-DISTANT = 0.2  # gap between the models above which one correction may not hold in all ranges
 SHOWN = 200  # steps of a history
 ACTIVE = 1e-3  # largest relative margin of an active requirement, at the optimum without steps
 END = 1e-4  # of a range within which a dimension is at its end
@@ -135,7 +121,7 @@ def designed_stage(loaded: LoadedRequirements, values: Array) -> Mechanism:
     that of the base.
     """
     base = loaded.base
-    stage = plate_of(loaded, values)
+    stage = mechanism_of(loaded, values)
     required = loaded.requirements
     source = f"designed: {required.name}, seed {required.seed}"
     sources = dict(base.provenance)
@@ -188,10 +174,8 @@ def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[s
     sampled = bool(names & {*SCATTERED})
     spread = None
     if names & {*outputs.ENGAGED}:
-        driven = commanding(best_model(stage_of(loaded, verified.values), []))
-        relative = push_spread(driven) / driven.system.stiffness
         columns = {name: np.full(2, value) for name, value in verified.columns.items()}
-        for name, share in zip(outputs.ENGAGED, relative, strict=True):
+        for name, share in model.kind.relative_spread(verified.values).items():
             columns[name] *= (1 - share, 1 + share)
         spread = float(np.max(np.abs(model.quantities(columns)[:, k] - verified.elements[k])))
     both = verified.elements[k], verified.uncorrected[k]
@@ -400,9 +384,8 @@ def share_kept(verified: Proof, tolerance: Tolerance) -> float:
     in the design."""
     model = replace(verified.model, guard=0.0)
     loaded = verified.model.loaded
-    made, necks = scattered(
-        loaded, verified.values, deviations(tolerance, SHARED, (model.required.seed + 1) % 2**63)
-    )
+    off = deviations(tolerance, SHARED, (model.required.seed + 1) % 2**63)
+    made, necks = model.kind.scattered(verified.values, off)
     rows = answer_designs(made, necks)
     by_name = model.corrected(dict(zip(loaded.outputs, rows.values.T, strict=True)))
     quantities = model.quantities(
@@ -413,84 +396,14 @@ def share_kept(verified: Proof, tolerance: Tolerance) -> float:
     )
 
 
-def _by_linear_theory(loaded: LoadedRequirements, values: Array) -> list[str]:
-    """Warn of requirements and objectives on displacements at yield by linear theory, with their
-    error by beams.
-    """
-    paths = [path for path in loaded.requirements.ask if path in loaded.requirements.used]
-    linear = [path for path in paths if path.split(".")[1] in LINEAR]
-    if not linear:
-        return []
-    found = stiffness(plate_of(loaded, values), models="analytic")
-    if "range" not in found.values:
-        return []
-    texts = list[str]()
-    for path in linear:
-        name = path.split(".")[1]
-        direction = path.split(".")[-1]
-        quantity, others = LINEAR[name]
-        ends = np.abs(found.at(quantity, others=others, direction=direction))
-        change = 100 * (float(np.min(ends)) / float(found.at(name, direction=direction)[0]) - 1)
-        if not abs(change) <= WORTH_A_WARNING:
-            by_how_much = (
-                f"beams differ by {change:+.2g} %" if np.isfinite(change) else "beams find no end"
-            )
-            better = f"stiffness.{quantity}.{others}.positive.{direction}"
-            texts.append(
-                f"{path} is by linear theory; of {better}, at finite displacement, {by_how_much}"
-            )
-    return texts
-
-
 def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) -> list[str]:
-    """Return warnings on rounds without convergence, results outside their range, and couplings
-    without a check.
-    """
+    """Return warnings on rounds without convergence, and those about the design."""
     last = rounds[-1].proof
     warnings = list[str]()
-    required = loaded.requirements
-    columns = last.columns
     if not agreed:
         still = f"model and finite elements still differ by {100 * last.gap:.3g} %"
-        if 100 * last.gap <= required.accuracy_percent:
+        if 100 * last.gap <= loaded.requirements.accuracy_percent:
             still = "a requirement is still not met with its band"
         warnings.append(f"after {len(rounds)} rounds {still}")
-    if isinstance(loaded.base, MechanismFile):
-        if rounds[0].proof.gap > DISTANT:
-            far = (
-                f"model and finite elements differed by {100 * rounds[0].proof.gap:.3g} % in the "
-                "first round"
-            )
-            warnings.append(f"{far}: designs in other parts of the ranges may be better")
-        return [
-            *warnings,
-            *_by_linear_theory(loaded, last.values),
-            *sharp_roots(loaded.base.layout),
-        ]
-    row = outputs.row_of("ok", "", [columns[name] for name in loaded.outputs])
-    reason = str(with_warnings(loaded, last.values[None], row).reason[0])
-    warnings += reason.split("; ") if reason else []
-    amplitudes = [
-        name for name in outputs.LIFE_AMPLITUDES if name in columns and name in required.used
-    ]
-    if required.life is not None and amplitudes:
-        low, high = required_law(loaded.stage.material).range
-        subject = f"amplitudes for {short(required.life.cycles)} cycles"
-        name = amplitudes[0]
-        if not low <= required.life.cycles <= high:
-            outside = f"outside the {short(low)} to {short(high)} cycles of Basquin's law"
-            warnings.append(f"{subject} are extrapolated, {outside}")
-        amplitude = (
-            abs(required.life.amplitude[outputs.LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
-        )
-        if columns["safety_factor"] * amplitude < columns[name]:  # mean and amplitude grow together
-            warnings.append(f"{subject} are computed from elastic stress, beyond yield")
-    if (
-        required.used & {*SCATTERED}
-        and required.tolerance is not None
-        and not required.tolerance.checked
-    ):
-        warnings.append(
-            "coupling under tolerance is by the analytic model alone: tolerance.checked is 0"
-        )
-    return warnings
+    first_gap = rounds[0].proof.gap
+    return [*warnings, *last.model.kind.warnings(last.values, last.columns, first_gap)]

@@ -19,21 +19,19 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import ROUND_OFF, Array
+from flexfem.design.kind import kind_of
 from flexfem.design.model import MISSED, Model, correction_of, silent
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
-from flexfem.design.scatter import CouplingQuantiles, coupling_quantiles, scattered
+from flexfem.design.scatter import CouplingQuantiles, named
 from flexfem.design.search import BestDesign, optimum
 from flexfem.files.writing import digest, write_atomically
-from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, Progress
 from flexfem.results import SOLID as SOLID_ELEMENTS
 from flexfem.study import columns as outputs
-from flexfem.study.answer import extra_numbers, solved_values
-from flexfem.study.loaded import LoadedStudy, designs_of, plate_of, stage_of
+from flexfem.study.loaded import LoadedStudy, mechanism_of
 from flexfem.study.workers import ExecutorWorkers, Failure, Workers, versions_of
 
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
@@ -53,15 +51,13 @@ STRESS_COLUMNS = {*outputs.STRESSES, *outputs.RANGES, *outputs.LIVES}
 Row: TypeAlias = list[float] | Failure  # outputs of a study
 
 
-def solved(loaded: LoadedStudy, stage: Mechanism) -> Row:
-    """Return the outputs of a study by finite elements; of a mechanism, with their bands after
-    them.
+def solved(loaded: LoadedStudy, mechanism: Mechanism) -> Row:
+    """Return the outputs of a study by finite elements, with bands after them where they have
+    some.
     """
     try:
-        if isinstance(stage, MechanismFile):
-            return [float(each) for each in extra_numbers(loaded, stage).T.flat]
-        check_feasible(stage)
-        return [float(value) for value in solved_values(stage, loaded)]
+        mechanism.check()
+        return loaded.family.with_bands(mechanism)
     except (BadInput, ComputationFailed) as error:
         return Failure("failed", str(error))
 
@@ -82,25 +78,25 @@ class ElementSolver:
 
     @property
     def meshes(self) -> tuple[tuple[int, int], ...]:
-        """Triangles across every neck, and layers, of each mesh, coarse to fine; the finest of a
-        mechanism.
+        """Triangles across every neck, and layers, of each mesh, coarse to fine; only the finest
+        where its numbers have bands.
         """
         resolution = self.loaded.requirements.resolution
-        if self.loaded.requirements.on_mechanism:  # its questions have bands
+        if self.loaded.family.has_bands:
             return ((resolution, 2),)
         return SOLID if self.loaded.solid else tuple((level, 2) for level in levels(resolution))
 
     def solve(self, values: Array) -> list[dict[str, float]]:
         """Return the columns of a design (d,) by name on each mesh. Raises ComputationFailed."""
-        stage = plate_of(self.loaded, values)
-        stage = stage.replace(model="plane_stress") if self.loaded.solid else stage
+        mechanism = mechanism_of(self.loaded, values)
+        if self.loaded.solid:
+            mechanism = mechanism.replace(model="plane_stress")
         studies = [self._study(*mesh) for mesh in self.meshes]
-        names = (*studies[0].study.columns, *self.loaded.study.ask)
-        names += tuple(map(BAND.format, names)) if isinstance(stage, MechanismFile) else ()
-        return [
-            dict(zip(names, row, strict=True))
-            for row in self._solved([(study, stage) for study in studies])
-        ]
+        names = studies[0].study.columns + self.loaded.study.ask
+        if self.loaded.family.has_bands:
+            names += tuple(map(BAND.format, names))
+        rows = self._solved([(study, mechanism) for study in studies])
+        return [dict(zip(names, row, strict=True)) for row in rows]
 
     def columns(self, values: Array) -> tuple[dict[str, float], dict[str, float]]:
         """Return the columns of a design (d,) by name on the finest mesh, and the bands of those
@@ -108,7 +104,7 @@ class ElementSolver:
         """
         *_, finest = by_mesh = self.solve(values)
         used = [name for name in finest if name in self.loaded.requirements.used]
-        if self.loaded.requirements.on_mechanism:
+        if self.loaded.family.has_bands:
             bands = {name: finest[BAND.format(name)] for name in used}
             return finest, {name: band for name, band in bands.items() if np.isfinite(band)}
         resolutions = np.array([resolution for resolution, _ in self.meshes], float)
@@ -120,8 +116,8 @@ class ElementSolver:
         """Return the couplings (3, stages) of a design with neck deviations `off` (stages, 3, 3),
         mm, on each mesh.
         """
-        made, necks = scattered(self.loaded, values, off)
-        stages = [stage_of(made, each) for each in necks]
+        made, necks = kind_of(self.loaded).scattered(values, off)
+        stages = [mechanism_of(made, each) for each in necks]
         couplings = list[Array]()
         for resolution in SCATTER:
             study = self._study(
@@ -314,7 +310,7 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
     The band of a quantity is its largest change where every column that it uses is at an end of its
     band."""
     solved_columns, widths = solver.columns(values)
-    sampled = verified_quantiles(model, solver, values)
+    sampled = model.kind.quantiles(values, solver, model.counts)
     of_model = model.columns(values[None])[0]
     analytic = {name: float(column[0]) for name, column in of_model.items()}
     half_widths = dict[str, float]()
@@ -384,31 +380,6 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
         analytic=analytic,
         scattered=sampled,
     )
-
-
-def verified_quantiles(
-    model: Model, solver: ElementSolver, values: Array
-) -> CouplingQuantiles | None:
-    """Return the coupling quantiles of a design (d,), None if they are not requested. Raises
-    ComputationFailed.
-    """
-    scatter = model.scatter
-    required = model.required
-    if scatter is None or required.tolerance is None:
-        return None
-    couplings = scatter.couplings(
-        designs_of(model.loaded, values[None]), required.formula, required.mobility
-    )
-    model.counts["analytic with scattered necks"] += couplings.shape[-1]
-    checked = 0 if model.loaded.solid else required.tolerance.checked
-    return coupling_quantiles(
-        couplings, solver.solve_scattered(values, scatter.others[:checked]) if checked else []
-    )
-
-
-def named(couplings: Array) -> dict[str, float]:
-    """Return couplings under scatter (4,) by their columns."""
-    return dict(zip(SCATTERED, map(float, couplings), strict=True))
 
 
 def column_band(name: str, resolutions: Array, values: Array) -> float:

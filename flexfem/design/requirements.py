@@ -22,8 +22,9 @@ from flexfem.mechanism.keys import keys
 from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, NAMED, Factor
-from flexfem.study.loaded import LoadedStudy, base_of, is_fixed
-from flexfem.study.plan import Asked, Expression, Limited, Sampling, Study
+from flexfem.study.loaded import LoadedStudy, base_of
+from flexfem.study.plan import Asked, Study
+from flexfem.study.tables import Expression, Limited, Sampling
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -312,13 +313,11 @@ def load_requirements(path: PathLike) -> LoadedRequirements:
     that no free dimension changes."""
     required = validate(Requirements, path)
     file = Path(path)
-    base, columns = base_of(path, required, required.study)
+    family = base_of(path, required, required.study)
     derived = {output.name for output in required.output}
     for index, objective in enumerate(required.objective):
-        if all(
-            is_fixed(name, columns, base)
-            for name in required.names_of(objective.quantity) - derived
-        ):
+        names = required.names_of(objective.quantity) - derived
+        if all(family.is_fixed(name) for name in names):
             given = f"objective[{index}].{objective.key} = {shown(objective.quantity)}, expected"
             raise bad_key(
                 path,
@@ -328,8 +327,8 @@ def load_requirements(path: PathLike) -> LoadedRequirements:
     loaded = LoadedRequirements(
         path=file,
         study=required.study,
-        base=base,
-        columns=columns,
+        base=family.base,
+        columns=family.columns,
         stem=file.stem,
         requirements=required,
     )

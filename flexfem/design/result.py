@@ -17,7 +17,7 @@ from flexfem.files.tables import Label
 from flexfem.files.toml import kind_of
 from flexfem.refused import BadInput
 from flexfem.results import About, TextTable, number, unsealed
-from flexfem.study.plan import limits_text
+from flexfem.study.tables import limits_text
 from flexfem.units import Unit
 
 Verdict: TypeAlias = Literal["met", "within the band", "missed"]

@@ -19,7 +19,7 @@ from flexfem.results import TextTable, thousands
 from flexfem.study import findings
 from flexfem.study.factors import Factor
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.plan import limits_text
+from flexfem.study.tables import limits_text
 
 DIGITS = 5
 TEN = 10  # designs of a front that are listed at once

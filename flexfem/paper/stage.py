@@ -29,10 +29,15 @@ from flexfem.paper.stage_file import StageContent, actuators_of, hinges_of, of_d
 
 # module in `flexfem.paper` by question
 ANSWERS: dict[str, str] = {
+    "accepted_questions": "baseline",
+    "design_kind": "design",
     "drift": "drift",
     "drive": "drive",
+    "family": "study",
     "gravity": "gravity",
     "reach": "reach",
+    "stored_compliance": "baseline",
+    "stored_mesh": "baseline",
 }
 
 

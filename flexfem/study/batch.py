@@ -53,11 +53,15 @@ class Batch(Protocol):
     def most(self) -> int:
         """Most designs of one call, which bounds the memory."""
 
+    @property
+    def part(self) -> int:
+        """Designs in one part of a study, which takes some seconds if `outputs` are all."""
+
     def rows(self, values: Array, reasons: AnyArray) -> BatchRows:
         """Return the results of designs (n, columns); `most` is kept by the caller.
 
         reasons : (n,), reasons of designs that the study has refused already, "" for the others.
-        They are not changed; those returned contain them.
+        They are not changed; the designs remain refused, for this reason or another one.
 
         A value outside the limits of its key is refused (`Key.number.refuses`), and a design that
         violates a closed-form condition of the drawing.

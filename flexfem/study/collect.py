@@ -20,7 +20,8 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
 from flexfem.study.columns import DRIFTS, FEASIBLE, STIFFNESSES, sizes_of
-from flexfem.study.loaded import LoadedStudy, judge
+from flexfem.study.judge import judge
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.run import ABOUT, PARQUET, TEXTS, Parts, opened, read_part, survey
 
 FORMATS = (".parquet", ".csv")

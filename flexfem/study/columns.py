@@ -1,25 +1,21 @@
-"""Table of the output columns of a study: name, which ends in the unit, label, meaning and
-computation.
+"""Table of the output columns of a study: name, which ends in the unit, label and meaning.
 
-A column is computed from the `DesignAnswers` of a batch of designs by the analytic model, or of one
-design by finite elements. Any other number in a result of flexfem is a column by its path, such as
-`drift.pose.uniform.analytic.x`."""
+These are the columns of studies of a nine-hinge stage, in the order of the table. Any other number
+in a result of flexfem is a column by its path, such as `drift.pose.uniform.analytic.x`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import one_line
-from flexfem.units import DIRECTIONS, unit_of
-
-if TYPE_CHECKING:
-    from flexfem.paper.batch import DesignAnswers
+from flexfem.units import DIRECTIONS
 
 RESERVED = ("design", "status", "reason")
 FEASIBLE = "feasible"  # column of a study with constraints
@@ -30,14 +26,11 @@ class Group(NamedTuple):
     """Columns that are computed together.
 
     labels : label by column.
-    values : returns (n, columns) from the results of n designs and the largest rotation of a base
-    hinge, inside units.
     table : table of the study file that requests them, "" where every study has them.
     """
 
     labels: dict[str, str]
     meaning: str
-    values: Callable[[Any, float], Array]
     table: str = ""
 
     @property
@@ -63,12 +56,10 @@ GROUPS = (
             "kyt_n": "stiffness Yθ",
         },
         "stiffness of the platform, `K_ij`: along one direction with the other two held",
-        lambda result, _: result.stiffness[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)],
     ),
     Group(
         {"coupling_xy": "coupling XY", "coupling_xt": "coupling Xθ", "coupling_yt": "coupling Yθ"},
         "`K_ij / sqrt(K_ii K_jj)`",
-        lambda result, _: result.coupling,
     ),
     Group(
         _by_direction("stress", "peak neck stress per {}", "mpa_per_um", "mpa_per_mrad"),
@@ -79,25 +70,21 @@ GROUPS = (
         "default formula, because its hinges are too stiff (`benchmarks/stress.py`). On a base stage with "
         '`model = "corrected"`: within 2 % of three dimensions with `formula = "calibrated"` and `links` '
         "(`benchmarks/solid_stress.py`)",
-        lambda result, _: result.stress,
     ),
     Group(
         _by_direction("range", "range in {} at yield"),
         "displacement at which the first hinge yields; where the stress is high, it is low by "
         "the same factor",
-        lambda result, _: result.range_at_yield,
     ),
     Group(
         {"envelope_mm": "diameter of the envelope"},
         "diameter of the circle about the platform centre that encloses the stage",
-        lambda result, _: result.envelope[:, None],
     ),
     Group(
         _by_direction("travel", "travel in {}, base hinges"),
         "with `[drive]` `stroke_um`: displacement at which the first base hinge has rotated by "
         "stroke over lever arm. Other hinges, contacts and forces are ignored: the range of a "
         "real drive is less, `drive_range_x_um`",
-        lambda result, rotation: result.travel(rotation),
         "travel",
     ),
     Group(
@@ -107,7 +94,6 @@ GROUPS = (
         "blocking forces and yield, without load, as in `flexfem reach` (others zero): the "
         "smaller of both senses, thus zero where single stacks drive one sense only; `fe`: with "
         "the neck loads of the finite elements",
-        lambda result, _: result.drives.range,
         "drive",
     ),
     Group(
@@ -119,7 +105,6 @@ GROUPS = (
         "with `[drive]` `actuators`: stiffness with constant strokes of the stacks, other two "
         "directions held; rigid links make it 50 % too large on the reference stages, elastic "
         "links agree with `fe` within 0.3 %",
-        lambda result, _: np.diagonal(result.drives.engaged, axis1=1, axis2=2),
         "drive",
     ),
     Group(
@@ -129,7 +114,6 @@ GROUPS = (
         "links) on the model's hinges, 6 to 7 % high with the default formula on the reference "
         "stages because its hinges are too stiff, within 0.01 % with calibrated hinges and "
         "`links`; `fe`: as `flexfem modes` on one mesh. Modes out of the plane can be lower",
-        lambda result, _: np.asarray(result.frequencies),
         "frequencies",
     ),
     Group(
@@ -141,16 +125,12 @@ GROUPS = (
         "`flexfem life`. The relative error of a life is about ten times that of the stress: use "
         "calibrated hinges with `links`, or `fe`. Lives beyond yield, or outside the cycles of "
         "Basquin's law, are counted in warnings. Preloads of single stacks are not included",
-        lambda result, _: np.column_stack(
-            [result.lives.cycles, result.lives.largest, result.lives.safety]
-        ),
         "life",
     ),
     Group(
         _by_direction("drift", "drift in {} per kelvin", "um_per_k", "urad_per_k"),
         "with `[drift]`: pose per kelvin of a uniform temperature change, as in `flexfem drift`; "
         "round-off in X and Y where chains are identical",
-        lambda result, _: result.drift.uniform,
         "drift",
     ),
     Group(
@@ -164,25 +144,21 @@ GROUPS = (
         "rigid links, which neglect that the frame bends the clamped edges, within 1.4 % with "
         "calibrated hinges and 13 % with the default formula. Stacks, and gradients through the "
         "thickness, are not included",
-        lambda result, _: result.drift.gradient,
         "drift",
     ),
     Group(
         _by_direction("error", "error along {}", "percent", "percent"),
         "`verify`: error along the command",
-        lambda result, _: result.errors.along,
         "verify",
     ),
     Group(
         _by_direction("cross", "largest cross error under {}", "percent", "percent"),
         "`verify`: largest error across the command",
-        lambda result, _: result.errors.across,
         "verify",
     ),
     Group(
         _by_direction("band", "mesh band of the error along {}", "percent", "percent"),
         "`verify` with `bands`: mesh band of the error along the command",
-        lambda result, _: np.asarray(result.errors.bands),
         "bands",
     ),
 )
@@ -222,20 +198,6 @@ def outputs_of(*tables: str, moved: Sequence[float] = ()) -> tuple[str, ...]:
     unmoved = {name for name, moves in zip(LIFE_AMPLITUDES, moved, strict=False) if not moves}
     groups = [group for group in GROUPS if group.table in ("", *tables)]
     return tuple(name for group in groups for name in group.names if name not in unmoved)
-
-
-def values_of(result: DesignAnswers, names: Sequence[str], rotation: float | None) -> Array:
-    """Return values (n, names) of columns from results of n designs; `rotation` of base hinges,
-    rad, for travels.
-    """
-    values: dict[str, Array] = {}
-    for group in GROUPS:
-        if not set(group.names).isdisjoint(names):
-            factors = [unit_of(name).factor for name in group.names]
-            values |= dict(
-                zip(group.names, (group.values(result, rotation or 0.0) * factors).T, strict=True)
-            )
-    return np.stack([values[name] for name in names], axis=1)
 
 
 def sizes_of(columns: Mapping[str, Array]) -> dict[str, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field, model_validator
@@ -10,11 +10,7 @@ from pydantic import Field, model_validator
 from flexfem.files.quantities import AnyNumber, AnyPositive
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.tables import Keywords, Label, Table
-from flexfem.mechanism.keys import PARAMETERS, key_suggestion, keys, matching_keys
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.paper.stage import Stage
-from flexfem.refused import BadInput
+from flexfem.mechanism.keys import key_suggestion, keys, matching_keys
 
 MANY = 100_000  # most values or points of one factor
 MANY_KEYS = 100  # most keys of one factor
@@ -211,40 +207,3 @@ def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
                 Column(factor.label or factor.key or " = ".join(factor.paths), factor.paths, factor)
             )
     return tuple(columns)
-
-
-def columns_on(stage: Mechanism, factor: Factor, unused_keys: frozenset[str]) -> Iterator[Column]:
-    """Yield the columns of a factor; a normal distribution without a mean takes the value of the
-    base stage.
-
-    unused_keys : key paths that no output depends on.   Raises BadInput: the stage has no value for
-    the mean, or several; or no output depends on the keys."""
-    for column in columns_of([factor]):
-        names = ", ".join(column.keys)
-        column_keys = [keys()[path] for path in column.keys]
-        if factor.kind == "normal" and factor.mean is None:
-            means = {key.value_in(stage) for key in column_keys}
-            if len(means) != 1 or means == {None}:
-                raise BadInput(f"mean is missing, and the stage has no single value of {names}")
-            column = column._replace(factor=factor.model_copy(update={"mean": means.pop()}))
-        for key in column_keys:
-            if isinstance(stage, MechanismFile) and not key.places_in(stage):
-                known = (
-                    ", ".join(f"{PARAMETERS[0]}.{name}" for name in stage.parameters)
-                    or "it has none"
-                )
-                raise BadInput(f"key = {key.path}, expected a parameter of the mechanism ({known})")
-            if isinstance(stage, Stage) and key.of_drive and not key.places_in(stage):
-                actuators = ", ".join(actuator.name for actuator in stage.actuator) or "it has none"
-                expected = (
-                    f"a number that an actuator of the stage ({actuators}) states and that no "
-                    "override replaces"
-                )
-                raise BadInput(f"key = {key.path}, expected {expected}")
-        if not any(key.places_in(stage) for key in column_keys if key.path not in unused_keys):
-            expected = (
-                "a number that affects outputs: overrides replace it, or no requested output "
-                "needs it"
-            )
-            raise BadInput(f"key = {names}, expected {expected}")
-        yield column

@@ -6,24 +6,21 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias, get_args, get_type_hints
 
 import numpy as np
-from pydantic import ValidationError
 
 import flexfem
 from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, brief, is_wide
 from flexfem.files.refusals import path_of
-from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.paper.stage import Stage
+from flexfem.questions.setup import kind_of
 from flexfem.refused import BadInput
 from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, LIVES, RANGES, STRESSES
 from flexfem.study.factors import Column
-from flexfem.study.loaded import LoadedStudy, plate_of
+from flexfem.study.loaded import LoadedStudy
 from flexfem.study.plan import Figure, Study
 from flexfem.units import DIRECTIONS, unit_of, without_unit
 
@@ -103,8 +100,7 @@ def asked(path: str, mechanism: Mechanism) -> AxisText:
     own = mechanism.answering(question)
     kind = get_type_hints(own or getattr(flexfem, question))["return"]
     if own is None:
-        of_stage, of_mechanism = get_args(kind) or (kind, kind.of_mechanism)
-        kind = of_stage if isinstance(mechanism, Stage) else of_mechanism
+        kind = kind_of((get_args(kind) or (kind,))[0], mechanism)
     quantity = kind.quantities[name.replace(" ", "_")]
     if len(labels) != len(quantity.over):
         return AxisText(path)
@@ -147,12 +143,7 @@ def model_words(loaded: LoadedStudy) -> str:
     """Return a description of the model."""
     study = loaded.study
     base = loaded.base
-    analytic = "rigid bodies and beam integrals of the hinges"
-    if isinstance(base, Stage):
-        analytic = (
-            f"{study.formula}, mobility "
-            f"{study.mobility or base.mobility}{', elastic links' * study.links}"
-        )
+    analytic = loaded.family.analytic_words
     meshed = f"{study.resolution} triangles across every neck"
     layers = f"{study.layers} layer{'s' * (study.layers > 1)}"
     model = {
@@ -694,11 +685,7 @@ def spread(points: Array, count: int) -> Index:
 
 def drawable(loaded: LoadedStudy, values: Array) -> Mechanism | None:
     """Return the stage or mechanism of factor values (columns,), None where it cannot be made."""
-    with suppress(BadInput, ValidationError):
-        plate = plate_of(loaded, values)
-        check_feasible(plate)
-        return plate
-    return None
+    return loaded.family.drawable(values)
 
 
 # percentiles

@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.answer import answer, changed_outputs, factor_warnings, needs_stages
+from flexfem.study.answer import answer, changed_outputs, factor_warnings
 from flexfem.study.columns import Rows, row_of
 from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import (
@@ -51,14 +51,6 @@ PARQUET: Mapping[str, Any] = {
 }
 # a read-ahead thread of Arrow would abort a process that ends while it reads
 READING: Mapping[str, Any] = {"page_checksum_verification": True, "pre_buffer": False}
-SIZES = {
-    "fe": 4,
-    "verify": 4,
-    "three_dimensional": 2,
-}  # designs in a part, which takes some seconds
-LINKED = 32
-DRAWN = 512
-BROADCAST = 8192  # the same, analytic: with links or other questions, with stages, by arrays
 PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
 RETRIED = ("time limit", "crashed", "failed")  # statuses that may change in another run
 PARTS = "parts"  # folder, in the folder of a study
@@ -155,20 +147,8 @@ class Parts:
 
 def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
     """Return the parts of a study in an output folder, by default some seconds of work each."""
-    study = loaded.study
-    analytic = (
-        LINKED
-        if study.links or study.ask
-        else DRAWN
-        if needs_stages(study) or study.driven
-        else BROADCAST
-    )
-    return Parts(
-        loaded,
-        output / loaded.stem / PARTS,
-        size or SIZES.get(study.model, analytic),
-        dict(versions_of()),
-    )
+    folder = output / loaded.stem / PARTS
+    return Parts(loaded, folder, size or loaded.family.part, dict(versions_of()))
 
 
 def table_of(parts: Parts, designs: range, rows: Rows) -> Any:

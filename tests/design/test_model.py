@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.design import model as design_model
 from flexfem.design.model import MISSED, Correction, Model, correction_of
 from flexfem.refused import BadInput
 
@@ -29,7 +28,7 @@ def test_what_cannot_be_drawn_has_no_mass_and_says_why(load, monkeypatch):
     def refused(stage):
         raise BadInput("links overlap")
 
-    monkeypatch.setattr(design_model, "drawn_inertia", refused)
+    monkeypatch.setattr("flexfem.paper.design.drawn_inertia", refused)
     model = Model(load(NECK, RADIUS, best("minimise", "mass_kg")))
     assert (
         model.columns(BASE)[1].tolist() == ["links overlap"] * 2

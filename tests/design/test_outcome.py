@@ -101,7 +101,7 @@ def test_the_stage_file_reads_back_and_says_what_was_designed(softer, tmp_path):
     assert stage.hash == found.hash
     assert stage.hinges.elbow.neck == pytest.approx(found.design["neck"])
     assert stage.provenance["hinges.elbow.neck_mm"] == "designed: a test, seed 7"
-    assert stage.provenance["hinges.base.neck_mm"] == loaded.stage.provenance["hinges.base.neck_mm"]
+    assert stage.provenance["hinges.base.neck_mm"] == loaded.base.provenance["hinges.base.neck_mm"]
 
 
 def test_an_array_that_is_designed_in_part_goes_on_being_assumed(load):

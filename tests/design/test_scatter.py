@@ -12,9 +12,11 @@ from scipy.special import ndtr
 
 import flexfem
 from flexfem.design import outcome
+from flexfem.design.kind import kind_of
 from flexfem.design.model import Model
-from flexfem.design.proof import ElementSolver, proof, verified_quantiles
-from flexfem.design.scatter import OTHERS, REFUSED, coupling_quantiles
+from flexfem.design.proof import ElementSolver, proof
+from flexfem.design.scatter import OTHERS, coupling_quantiles
+from flexfem.paper.scatter import REFUSED
 
 from ..tolerances import DENSE
 from .conftest import HEAD, NECK, RADIUS, RANGE, REFERENCE, best, require, tolerance
@@ -48,11 +50,11 @@ def test_coupling_under_tolerance_is_that_of_stages_made_one_by_one(load, sd, ab
     head = HEAD + 'mobility = {}\nformula = "{}"\n'.format(*about)
     model = Model(load(NECK, RADIUS, tolerance(sd, 80), *goals, head=head))
     stage = flexfem.load(REFERENCE)
-    size = np.abs([couplings(stage, off, *about) for off in model.scatter.searched])
+    size = np.abs([couplings(stage, off, *about) for off in model.kind.scatter.searched])
     found = model.evaluate(OWN)[0]
     assert found[0] == pytest.approx(np.quantile(size.max(axis=1), 0.95), rel=2e-6)
     assert found[1] == pytest.approx(np.quantile(size[:, 1], 0.95), rel=2e-6)
-    assert not np.isin(model.scatter.searched, model.scatter.others).any()
+    assert not np.isin(model.kind.scatter.searched, model.kind.scatter.others).any()
 
 
 def test_couplings_of_a_small_scatter_are_gaussian_with_the_slopes_of_nine_necks(load):
@@ -67,7 +69,7 @@ def test_couplings_of_a_small_scatter_are_gaussian_with_the_slopes_of_nine_necks
         [(couplings(stage, way) - couplings(stage, -way)) / (2 * step) for way in ways]
     )
     expected = 1.959964 * 0.05e-3 * np.sqrt(np.sum(slopes**2, axis=0))
-    found = verified_quantiles(Model(loaded), ElementSolver(loaded, Counter()), OWN[0])
+    found = kind_of(loaded).quantiles(OWN[0], ElementSolver(loaded, Counter()), Counter())
     assert found.others[:3] == pytest.approx(expected, rel=0.01)
     assert np.all((found.low[:3] < expected) & (expected < found.high[:3]))
     assert found.others[3] > found.others[:3].max()
@@ -105,7 +107,7 @@ class Uneven(ElementSolver):
         return [own, own, own]
 
     def solve_scattered(self, values, off):
-        stage = self.loaded.stage.replace(neck={"elbow": values[0], "platform": values[0]})
+        stage = self.loaded.base.replace(neck={"elbow": values[0], "platform": values[0]})
         found = np.array([couplings(stage, each) for each in off]).T
         return [
             by * (found + 2e-5 * np.sign(found) * (-1.0) ** np.arange(len(off)))
@@ -127,9 +129,8 @@ def test_the_record_states_other_stages_times_the_factor_of_finite_elements_with
     (goal,) = found.objectives
     (twice,) = found.requirements
     assert found.agreed and goal.checked_by == "finite elements" and len(found.scattered.notes) == 1
-    stages = verified_quantiles(
-        Model(loaded), Uneven(loaded, Counter()), np.array([*found.design.values()])
-    )
+    values = np.array([*found.design.values()])
+    stages = kind_of(loaded).quantiles(values, Uneven(loaded, Counter()), Counter())
     others = stages.others[3]
     factor = stages.factors[-1, 3]
     misfit = stages.misfit[3]

@@ -13,9 +13,8 @@ from markupsafe import Markup
 from flexfem.page.section import html_of
 from flexfem.page.study import study_parts
 from flexfem.studies import run_study
-from flexfem.study.answer import base_factor_values
 from flexfem.study.findings import Source, findings
-from flexfem.study.loaded import LoadedStudy
+from flexfem.study.loaded import LoadedStudy, base_factor_values
 
 from ..study.answered import answered, head, study
 

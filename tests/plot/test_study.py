@@ -23,7 +23,6 @@ from flexfem.plot.study import (
 )
 from flexfem.refused import BadInput
 from flexfem.results import SPACE
-from flexfem.study.answer import base_factor_values, nominal
 from flexfem.study.collect import StudyTable
 from flexfem.study.findings import (
     AxisText,
@@ -44,7 +43,7 @@ from flexfem.study.findings import (
     map_of,
     output,
 )
-from flexfem.study.loaded import LoadedStudy, sample
+from flexfem.study.loaded import LoadedStudy, base_factor_values, nominal, sample
 
 from ..study.answered import answered, head, study
 

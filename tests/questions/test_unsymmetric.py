@@ -23,7 +23,6 @@ from flexfem.plot.plate import plot_plate
 from flexfem.questions import plates
 from flexfem.questions.check import check
 from flexfem.questions.plates import value_bands, verification
-from flexfem.study.answer import extra_numbers
 from flexfem.study.loaded import load_study
 
 from ..conftest import ROOT
@@ -424,7 +423,7 @@ def test_a_column_of_a_study_and_its_band_have_one_unit(mechanism, tmp_path):
         '[sampling]\nmethod = "sobol"\ndesigns = 2\nseed = 1\n'
         '[[factor]]\nlabel = "neck"\nkey = "parameters.neck_in"\nfrom = 0.04\nto = 0.05\n'
     )
-    found = extra_numbers(load_study(path), mechanism)
+    found = load_study(path).family.numbers(mechanism)
     modes = flexfem.modes(mechanism, models="elements", resolution=4)
     value = modes.internal.values["frequency"][0, -1]
     band = modes.internal.bands["frequency"][0, -1]

@@ -21,7 +21,7 @@ from flexfem.paper.model import analyse, assemble
 from flexfem.paper.stage_file import Plane
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.loaded import sample, stage_of
+from flexfem.study.loaded import mechanism_of, sample
 
 from ..tolerances import DENSE
 
@@ -76,13 +76,13 @@ def test_the_kernel_is_the_scalar_model(studies: Any) -> None:
     for turn, (formula, mobility) in enumerate(pairs):
         loaded = study(studies, GENTLE, formula, mobility, 4)
         loaded = replace(
-            loaded, base=loaded.stage.model_copy(update={"model": PLANES[turn % len(PLANES)]})
+            loaded, base=loaded.base.model_copy(update={"model": PLANES[turn % len(PLANES)]})
         )
         rows = answer(loaded, 0, loaded.count)
         assert set(rows.status) == {"ok"}, rows.reason
         for found, values in zip(rows.values, sample(loaded, 0, loaded.count), strict=True):
             K = found[:6][[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-            expected = stiffness(assemble(stage_of(loaded, values), mobility, formula)).K_uu
+            expected = stiffness(assemble(mechanism_of(loaded, values), mobility, formula)).K_uu
             size = np.sqrt(np.diagonal(expected))
             np.testing.assert_allclose(
                 K / np.outer(size, size), expected / np.outer(size, size), rtol=0, atol=LOOPS
@@ -98,7 +98,7 @@ def test_what_the_scalar_path_refuses_is_refused_and_nothing_else(check: str, st
         sample(loaded, 0, count), rows.status, rows.reason, strict=True
     ):
         try:
-            stage = stage_of(loaded, values)
+            stage = mechanism_of(loaded, values)
             (check_feasible if check == "drawing" else check_closed_form)(stage)
             analyse(stage, 21, "calibrated")
         except BadInput:
@@ -126,7 +126,7 @@ def test_hinge_deformations_under_the_neck_wrenches_add_up_to_the_displacement(
     """Compatibility, chain by chain: with rotation and stretch alone the neck wrenches say it all."""
     loaded = study(studies, GENTLE, "calibrated", 12, 5)
     for values in sample(loaded, 0, 5):
-        stage = stage_of(loaded, values)
+        stage = mechanism_of(loaded, values)
         found = analyse(stage, 12, "calibrated")
         placed = stage_frames(stage)
         wrench = found.wrench
@@ -149,7 +149,7 @@ def test_travel_is_where_the_first_base_hinge_has_turned_by_stroke_over_arm(stud
     loaded = study(studies, GENTLE, "calibrated", 6, 5)
     rows = answer(loaded, 0, 5)
     for values, found in zip(sample(loaded, 0, 5), rows.values, strict=True):
-        mechanism = assemble(stage_of(loaded, values), 6, "calibrated")
+        mechanism = assemble(mechanism_of(loaded, values), 6, "calibrated")
         at_rest = stiffness(mechanism)
         for axis in range(3):
             joints = inverse_kinematics(mechanism, at_rest, np.eye(3)[axis]).joints
@@ -164,7 +164,7 @@ def test_the_envelope_holds_the_drawn_stage_and_no_more(studies: Any) -> None:
     loaded = study(studies, GENTLE, "calibrated", 21, 8)
     sizes = answer(loaded, 0, 8).values[:, loaded.outputs.index("envelope_mm")]
     for values, size in zip(sample(loaded, 0, 8), sizes, strict=True):
-        stage = stage_of(loaded, values)
+        stage = mechanism_of(loaded, values)
         faces = [face for chain in (1, 2, 3) for face in draw_sector(stage, chain).values()]
         drawn = 2 * max(np.hypot(*polygon_points(face.loop).T).max() for face in faces)
         assert size == pytest.approx(drawn, rel=1e-12)

@@ -17,7 +17,7 @@ from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.columns import FREQUENCIES
-from flexfem.study.loaded import load_study, sample, stage_of
+from flexfem.study.loaded import load_study, mechanism_of, sample
 from flexfem.study.run import parts_of
 
 from ..conftest import GENERIC, UNLIKE
@@ -81,7 +81,7 @@ def test_designs_at_once_have_the_lives_of_each_alone(lasting: Any) -> None:
     found = columns(loaded, rows)
     assert list(rows.status) == ["ok"] * 2
     for k, values in enumerate(sample(loaded, 0, 2)):
-        stage = stage_of(loaded, values)
+        stage = mechanism_of(loaded, values)
         moved = [0.061, 0, -7e-4]
         assert stage.material.walker_exponent == values[5]
         asked = {"ratio": 0.3, "cycles": 4e5, "notch_sensitivity": 0.7}
@@ -122,7 +122,7 @@ def test_finite_elements_of_a_design_have_the_life_of_their_own_neck_stress(last
     loaded = study(lasting, 'model = "fe"\nresolution = 4\n', 1, tail)
     (values,) = sample(loaded, 0, 1)
     found = columns(loaded, answer(loaded, 0, 1))
-    stage = stage_of(loaded, values)
+    stage = mechanism_of(loaded, values)
     stress = np.max(flexfem.solve(stage, 4).neck_stress([0.061, 0, -7e-4]))
     strength = values[3]
     b = values[4]
@@ -189,7 +189,7 @@ def test_designs_at_once_have_the_frequencies_of_each_alone(studies: Any, links:
     found = answer(loaded, 0, 4)
     assert list(found.status) == ["ok"] * 4
     for values, ours in zip(sample(loaded, 0, 4), frequencies(loaded, found), strict=True):
-        stage = stage_of(loaded, values)
+        stage = mechanism_of(loaded, values)
         alone = dynamics(
             stage, analyse(stage, 21, "calibrated", links), payload_of(0.07, 31.0)
         ).frequencies[:3]
@@ -200,7 +200,7 @@ def test_designs_at_once_have_the_frequencies_of_each_alone(studies: Any, links:
 def test_finite_elements_of_a_design_have_the_frequencies_of_the_command(studies: Any) -> None:
     loaded = random(studies, 'model = "fe"\nresolution = 4\n', 1, PAYLOAD, HEAVY)
     (ours,) = frequencies(loaded, answer(loaded, 0, 1))
-    stage = stage_of(loaded, sample(loaded, 0, 1)[0])
+    stage = mechanism_of(loaded, sample(loaded, 0, 1)[0])
     found = flexfem.modes(stage, count=3, payload=(0.07, 31.0), resolution=4)
     np.testing.assert_allclose(
         ours, found.at("frequency", model="finite elements")[:3], rtol=SOLVED

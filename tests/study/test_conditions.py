@@ -12,7 +12,8 @@ from scipy.stats import kstest, spearmanr, truncnorm, uniform
 from flexfem.files.expressions import value_of
 from flexfem.study.answer import answer, nominal
 from flexfem.study.collect import collect, read_table
-from flexfem.study.loaded import judge, sample
+from flexfem.study.judge import judge
+from flexfem.study.loaded import sample
 from flexfem.study.run import parts_of, table_of, write_part
 
 FEW = 'method = "monte_carlo"\ndesigns = 40\nseed = 5'
@@ -108,7 +109,7 @@ def test_a_constraint_on_factors_and_keys_alone_refuses_before_anything_is_solve
     )
     loaded = studies.of(FEW, NECK, RADIUS, head=head, tail=OUTPUTS + limit)
     monkeypatch.setattr(
-        "flexfem.study.answer.solved_values", lambda *_: np.zeros(len(loaded.outputs))
+        "flexfem.paper.study.StageFamily.solved", lambda *_: np.zeros(len(loaded.outputs))
     )
     rows = answer(loaded, 0, 40)
     neck = sample(loaded, 0, 40)[:, 0]

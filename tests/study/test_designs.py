@@ -10,7 +10,7 @@ import pytest
 from flexfem.mechanism.keys import keys
 from flexfem.paper.stage import HINGE_NAMES, load_stage
 from flexfem.refused import BadInput
-from flexfem.study.loaded import designs_of, sample, stage_of
+from flexfem.study.loaded import mechanism_of, sample
 
 FEW = 'method = "monte_carlo"\ndesigns = 20\nseed = 5'
 FACTORS = (
@@ -32,9 +32,9 @@ FACTORS = (
 def test_designs_as_arrays_are_the_stages_one_by_one(studies: Any) -> None:
     loaded = studies.of(FEW, *FACTORS)
     values = sample(loaded, 0, loaded.count)
-    together = designs_of(loaded, values)
+    together = loaded.family.batch.designs(values)
     for index, row in enumerate(values):
-        stage = stage_of(loaded, row)
+        stage = mechanism_of(loaded, row)
         assert together.thickness[index] == stage.thickness
         for name in ("youngs_modulus", "poissons_ratio", "yield_strength"):
             assert getattr(together, name)[index] == getattr(stage.material, name)
@@ -71,9 +71,9 @@ def test_a_design_is_the_stage_that_the_edited_file_would_give(studies: Any) -> 
         assert old in text
         text = text.replace(old, new)
     (studies.folder / "edited.toml").write_text(text)
-    stage = stage_of(loaded, sample(loaded, 0, 1)[0])
+    stage = mechanism_of(loaded, sample(loaded, 0, 1)[0])
     assert len({(each.chain, each.hinge) for each in stage.override}) == len(stage.override) == 2
-    assert stage.hash == load_stage(studies.folder / "edited.toml").hash != loaded.stage.hash
+    assert stage.hash == load_stage(studies.folder / "edited.toml").hash != loaded.base.hash
 
 
 def test_a_single_hinge_keeps_what_is_its_own(studies: Any) -> None:
@@ -83,7 +83,7 @@ def test_a_single_hinge_keeps_what_is_its_own(studies: Any) -> None:
     elbows = 'key = "hinges.elbow.neck_mm"\nvalues = [0.5]'
     loaded = studies.of(FEW, elbows)
     np.testing.assert_array_equal(
-        designs_of(loaded, np.array([[0.5]])).neck[0, :, 1], [0.5, 0.71, 0.5]
+        loaded.family.batch.designs(np.array([[0.5]])).neck[0, :, 1], [0.5, 0.71, 0.5]
     )
     for chain, expected in (
         (1, [0.9, 0.71, 0.5]),
@@ -91,15 +91,15 @@ def test_a_single_hinge_keeps_what_is_its_own(studies: Any) -> None:
     ):  # whatever the order of the factors
         single = studies.of(FEW, f'key = "override.{chain}.elbow.neck_mm"\nvalues = [0.9]', elbows)
         values = np.array([[0.9, 0.5]])
-        np.testing.assert_array_equal(designs_of(single, values).neck[0, :, 1], expected)
-        np.testing.assert_array_equal(stage_of(single, values[0]).array("neck")[:, 1], expected)
+        np.testing.assert_array_equal(single.family.batch.designs(values).neck[0, :, 1], expected)
+        np.testing.assert_array_equal(mechanism_of(single, values[0]).array("neck")[:, 1], expected)
 
 
 @pytest.mark.parametrize("value", [-0.1, 0.0, np.inf, np.nan, 2e4, 1e-9])
 def test_a_value_that_no_file_can_give_is_refused_by_its_key(value: float, studies: Any) -> None:
     loaded = studies.of(FEW, 'key = "hinges.base.neck_mm"\ndistribution = "normal"\nsd = 0.1')
     with pytest.raises(BadInput, match=r"^hinges\.base\.neck_mm = .*, expected"):
-        stage_of(loaded, np.array([value]))
+        mechanism_of(loaded, np.array([value]))
     values = np.array([0.5, value, 0.6])
     np.testing.assert_array_equal(
         keys()["hinges.base.neck_mm"].number.refuses(values), [False, True, False]

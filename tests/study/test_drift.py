@@ -17,7 +17,7 @@ from flexfem.questions.setup import Analytic
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS
 from flexfem.study.answer import answer
-from flexfem.study.loaded import sample, stage_of
+from flexfem.study.loaded import mechanism_of, sample
 
 from ..conftest import GENERIC, ROOT, UNLIKE
 from ..tolerances import DENSE
@@ -85,7 +85,7 @@ def test_designs_at_once_have_the_drift_of_each_alone(
     rows = answer(loaded, 0, 2)
     assert list(rows.status) == ["ok"] * 2
     for values, row in zip(sample(loaded, 0, 2), rows.values, strict=True):
-        stage = stage_of(loaded, values)
+        stage = mechanism_of(loaded, values)
         assert stage.material.expansion == pytest.approx(1e-6 * values[2], rel=1e-12)
         expected = alone(stage, ANALYTIC, models="analytic", analytic=Analytic(**asked))
         np.testing.assert_allclose(row[-5:], expected, rtol=DENSE)
@@ -141,7 +141,7 @@ def test_finite_elements_drift_as_the_command_says_on_the_same_mesh(studies: Any
     loaded = study(studies, 'model = "fe"\nresolution = 6\n', 1)
     (row,) = answer(loaded, 0, 1).values
     (values,) = sample(loaded, 0, 1)
-    expected = alone(stage_of(loaded, values), ELEMENTS, models="elements", resolution=6)
+    expected = alone(mechanism_of(loaded, values), ELEMENTS, models="elements", resolution=6)
     np.testing.assert_allclose(row[-5:], expected, rtol=DENSE)
     model = study(studies, f"{HEAD}links = true\n", 1)
     np.testing.assert_allclose(

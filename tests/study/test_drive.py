@@ -11,15 +11,16 @@ import pytest
 from scipy.optimize import linprog
 
 from flexfem.arrays import Array
+from flexfem.paper.batch import UNMOVED
 from flexfem.paper.commanding import commanding, driven_elements
 from flexfem.paper.drives import drive_of
 from flexfem.paper.model import ModelChoice
 from flexfem.paper.reach import pose_set
 from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.study.answer import UNMOVED, answer, answer_designs
+from flexfem.study.answer import answer, answer_designs
 from flexfem.study.columns import DRIVE_RANGES, ENGAGED
-from flexfem.study.loaded import LoadedStudy, load_study, sample, stage_of
+from flexfem.study.loaded import LoadedStudy, load_study, mechanism_of, sample
 
 from ..questions.half_spaces import half_spaces
 from ..tolerances import DENSE
@@ -128,7 +129,7 @@ def same_as_one_by_one(
     answered = 0
     for index in range(count):
         try:
-            stage = stage_of(loaded, values[index])
+            stage = mechanism_of(loaded, values[index])
             drive_of(stage)
         except BadInput as refusal:
             assert rows.status[index] == "refused", refusal
@@ -173,7 +174,7 @@ def test_finite_elements_drive_a_stage_as_by_another_solver(tmp_path, strength):
     factors = {key: (value, value + 1e-9) for key, value in numbers.items()}
     loaded = write(tmp_path, factors, ELEMENTS)
     row = dict(zip(loaded.outputs, answer(loaded, 0, 1).values[0], strict=True))
-    stage = stage_of(loaded, sample(loaded, 0, 1)[0])
+    stage = mechanism_of(loaded, sample(loaded, 0, 1)[0])
     reach, engaged = ranges(stage, (None, "calibrated", True), 4)
     carried = 1e-9 if strength > 1e3 else 3e-4  # of the necks, by either
     np.testing.assert_allclose([row[column] for column in DRIVE_RANGES], 1e3 * reach, rtol=carried)

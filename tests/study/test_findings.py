@@ -22,7 +22,8 @@ from flexfem.study.findings import (
     findings,
     percentiles,
 )
-from flexfem.study.loaded import LoadedStudy, judge, sample
+from flexfem.study.judge import judge
+from flexfem.study.loaded import LoadedStudy, sample
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 THICKNESS = 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0'

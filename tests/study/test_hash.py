@@ -14,8 +14,8 @@ from pydantic import BaseModel
 
 from flexfem.paper.stage import Hinge
 from flexfem.paper.stage_file import OF_ACTUATORS, Override
-from flexfem.study.loaded import LoadedStudy, load_study, plate_of
-from flexfem.study.plan import Frequencies, LifeTable
+from flexfem.study.loaded import LoadedStudy, load_study, mechanism_of
+from flexfem.study.tables import Frequencies, LifeTable
 
 from ..conftest import ROOT
 from .conftest import STAGE
@@ -153,16 +153,16 @@ def test_every_key_of_a_factor_and_its_column_changes_the_hash(studies: Any) -> 
 
 def test_every_key_of_the_stage_counts_in_the_hash_of_its_study(studies: Any) -> None:
     loaded: LoadedStudy = studies.load()
-    places = set(leaves(loaded.stage)) - OF_THE_DRIVE - {("override", 0, "hinge")}
-    found = unseen(loaded.stage, lambda stage: replace(loaded, base=stage).hash, places)
+    places = set(leaves(loaded.base)) - OF_THE_DRIVE - {("override", 0, "hinge")}
+    found = unseen(loaded.base, lambda stage: replace(loaded, base=stage).hash, places)
     assert found == NOT_OF_A_STAGE
     own = Override.model_validate(
         {"chain": 3, "hinge": "base", "neck_mm": 0.53}
     )  # that of its like, but it
-    repeated = loaded.stage.model_copy(
-        update={"override": (*loaded.stage.override, own)}
+    repeated = loaded.base.model_copy(
+        update={"override": (*loaded.base.override, own)}
     )  # follows no factor
-    assert repeated.hash == loaded.stage.hash and replace(loaded, base=repeated).hash != loaded.hash
+    assert repeated.hash == loaded.base.hash and replace(loaded, base=repeated).hash != loaded.hash
 
 
 def test_a_number_of_the_stage_counts_where_a_constraint_refuses_by_it(studies: Any) -> None:
@@ -171,8 +171,8 @@ def test_a_number_of_the_stage_counts_where_a_constraint_refuses_by_it(studies: 
     )
     limit = "sd = 1.5\n[[constraint]]\nvalue = 'E * material.expansion_um_per_m_k'\nmost = 9\n"
     loaded = studies.load(("sd = 1.5\n", limit))
-    other = loaded.stage.replace(material={"expansion": 1e-5})
-    assert other.hash == loaded.stage.hash and replace(loaded, base=other).hash != loaded.hash
+    other = loaded.base.replace(material={"expansion": 1e-5})
+    assert other.hash == loaded.base.hash and replace(loaded, base=other).hash != loaded.hash
 
 
 def test_the_drive_counts_where_a_study_asks_about_it(studies: Any) -> None:
@@ -185,7 +185,7 @@ def test_the_drive_counts_where_a_study_asks_about_it(studies: Any) -> None:
         "side": "left",
         "pair": True,
     }
-    first = driven.stage.replace(
+    first = driven.base.replace(
         actuator=[pair | {"stroke": 0.0174, "stiffness": 5e4, "preload": 40.0}]
     )
     stages = [first, first.replace(actuator=[first.actuator[0].model_copy(update={"arm": 10.5})])]
@@ -224,7 +224,7 @@ def test_the_expressions_of_a_mechanism_count(tmp_path: Any) -> None:
             text.replace('width_mm = "width"', f'width_mm = "{width}"')
         )
         loaded = load_study(tmp_path / "s.toml")
-        assert plate_of(loaded, np.array([6.0])).body[1].width == at_6  # type: ignore[union-attr]
+        assert mechanism_of(loaded, np.array([6.0])).body[1].width == at_6  # type: ignore[union-attr]
         hashes.add(loaded.hash)
         bases.add(loaded.base.hash)
     assert len(bases) == 1 and len(hashes) == 4

@@ -409,7 +409,7 @@ def test_a_model_that_the_stage_does_not_take_is_refused_before_anything_runs(
 ) -> None:
     stage = studies.folder / "stage.toml"
     stage.write_text(f'model = "{plane}"\n{stage.read_text()}')
-    assert studies.load(("= 0.4", "= 0.45")).stage.model == plane
+    assert studies.load(("= 0.4", "= 0.45")).base.model == plane
     with pytest.raises(
         BadInput, match=f'line 3: model = "{model}" on a stage with model = "{plane}"'
     ):

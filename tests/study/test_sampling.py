@@ -124,7 +124,7 @@ def test_no_quantile_is_infinite_whatever_the_seed_draws(
     """A generator may return exactly zero, where a normal distribution has its end."""
     loaded = studies.of('method = "sobol"\ndesigns = 8\nseed = 3', BELL.split("\nlower")[0])
     monkeypatch.setattr(
-        "flexfem.study.loaded._sobol", lambda *_: np.array([[0.0], [1.0 - 2.0**-54]])
+        "flexfem.study.sampling._sobol", lambda *_: np.array([[0.0], [1.0 - 2.0**-54]])
     )
     assert np.all(np.isfinite(sample(loaded, 0, 2)))
 

@@ -22,7 +22,7 @@ from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import mesh_sectors, plate_of
 from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.answer import answer, solved_values
+from flexfem.study.answer import answer
 from flexfem.study.columns import (
     BANDS,
     COUPLINGS,
@@ -45,7 +45,7 @@ ONE = ("method = 'grid'", 'key = "thickness_mm"\nvalues = [9.7]')
 
 
 def columns(loaded: LoadedStudy, stage: Stage) -> dict[str, float]:
-    return dict(zip(loaded.outputs, solved_values(stage, loaded).tolist(), strict=True))
+    return dict(zip(loaded.outputs, loaded.family.solved(stage).tolist(), strict=True))
 
 
 def of(found: dict[str, float], names: tuple[str, ...]) -> Array:
@@ -54,7 +54,7 @@ def of(found: dict[str, float], names: tuple[str, ...]) -> Array:
 
 @pytest.fixture(params=["alike", "different"])
 def stage(request: pytest.FixtureRequest, studies: Any) -> Stage:
-    base: Stage = studies.of(*ONE, head='model = "fe"').stage
+    base: Stage = studies.of(*ONE, head='model = "fe"').base
     return base if request.param == "different" else base.model_copy(update={"override": ()})
 
 
@@ -176,7 +176,7 @@ def test_the_time_limit_stops_a_mesher_of_its_own(studies: Any) -> None:
 def test_a_formula_off_its_chart_refuses_the_design(stage: Stage, studies: Any) -> None:
     loaded = studies.of(*ONE, head='model = "verify"\nformula = "calibrated"\nbands = false')
     with pytest.raises(BadInput, match="chart"):
-        solved_values(stage.replace(radius={"base": 0.4}), loaded)
+        loaded.family.solved(stage.replace(radius={"base": 0.4}))
 
 
 @pytest.mark.parametrize(
@@ -200,8 +200,8 @@ def test_a_study_asks_any_number_of_a_question_by_its_path(
 
 def test_three_dimensions_are_those_of_the_stage(studies: Any) -> None:
     loaded = studies.of(*ONE, head='model = "three_dimensional"\nthickness_resolution = 1')
-    found = columns(loaded, loaded.stage)
-    stage = loaded.stage
+    found = columns(loaded, loaded.base)
+    stage = loaded.base
     response = solve_solid(stage, 4, 1)
     K = np.linalg.inv(response.compliance)
     highest = neck_stresses(stage, response, K).highest.max(axis=(1, 2))
