@@ -23,6 +23,7 @@ from flexfem.plot.study import (
 )
 from flexfem.refused import BadInput
 from flexfem.results import SPACE
+from flexfem.study.answer import nominal
 from flexfem.study.collect import StudyTable
 from flexfem.study.findings import (
     AxisText,
@@ -43,7 +44,7 @@ from flexfem.study.findings import (
     map_of,
     output,
 )
-from flexfem.study.loaded import LoadedStudy, base_factor_values, nominal, sample
+from flexfem.study.loaded import LoadedStudy, base_factor_values, sample
 
 from ..study.answered import answered, head, study
 
