@@ -282,7 +282,7 @@ def rows_of(axes: Any) -> list[list[str]]:
 
 
 def shown_front(folder: Path) -> ParetoFront:
-    stage = study(folder, GRID).stage
+    stage = study(folder, GRID).base
     points = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7], [3.0, 3.5]])
     stiff = AxisText("K")
     more = AxisText("length", "mm")
