@@ -8,12 +8,12 @@ import warnings
 from collections.abc import Callable, Mapping
 from functools import lru_cache, reduce
 from graphlib import CycleError, TopologicalSorter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import nearest, refusal, shown
 from flexfem.units import without_unit
 
@@ -68,20 +68,41 @@ class Scaled(str):
         return f"({self}) * {self.factor!r}"
 
 
+class NumberKind(Protocol):
+    """What a number of a file is: its unit and its limits, as `quantities.Limits` has them."""
+
+    @property
+    def factor(self) -> float:
+        """Inside units per unit of the file."""
+
+    def expected(self, value: float) -> str | None:
+        """Return what is expected of a number in the unit of the file, None of a valid one."""
+
+    def refuses(self, values: Array) -> AnyArray:
+        """Return which values (...), in the unit of the file, are not valid."""
+
+
 class Evaluated(float):
-    """The value of an expression, with its text."""
+    """The value of an expression in inside units, with its text and the kind of the number."""
 
     text: str
+    kind: NumberKind
 
-    def __new__(cls, value: float, text: str) -> Evaluated:
+    def __new__(cls, value: float, text: str, kind: NumberKind) -> Evaluated:
         """Return a number with a text."""
         found = super().__new__(cls, value)
         found.text = text
+        found.kind = kind
         return found
 
-    def __getnewargs__(self) -> tuple[float, str]:  # type: ignore[override]
+    def __getnewargs__(self) -> tuple[float, str, NumberKind]:  # type: ignore[override]
         """Return the arguments of a copy."""
-        return float(self), self.text
+        return float(self), self.text, self.kind
+
+
+def text_of(value: float) -> str:
+    """Return the text of an expression, "" of a number that is none."""
+    return value.text if isinstance(value, Evaluated) else ""
 
 
 def names_in(text: str) -> tuple[str, ...]:

@@ -130,7 +130,7 @@ class Limits:
             number = float(value_of(text, known))
             if (expected := self.expected(number)) is not None:
                 raise refusal(f"{expected}; its value is {number:g}")
-            return Evaluated(self.inside(number), text)
+            return Evaluated(self.inside(number), text, self)
         if info.context == INSIDE and type(value) in (int, float) and abs(value) < 1e300:
             value = self.in_file(float(value))
         number = handler(value)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from flexfem.arrays import Array
 from flexfem.files.provenance import Assumptions
 from flexfem.files.tables import once
 from flexfem.mechanism.content import FileContent, located
@@ -18,6 +19,7 @@ from flexfem.mechanism.dimensions import (
 )
 from flexfem.mechanism.keys import Key
 from flexfem.mechanism.layout import Constants, Layout
+from flexfem.mechanism.layouts import Layouts
 from flexfem.mechanism.materials import Frame, Material
 from flexfem.mechanism.plate import check_layout
 from flexfem.refused import BadInput
@@ -80,6 +82,25 @@ class Mechanism(FileContent):
         ------
         BadInput
             A name is not known, a value is not possible, or the mechanism cannot be made.
+        """
+        raise NotImplementedError
+
+    def without_arrays(self, keys: Iterable[str]) -> str:
+        """Return why designs that differ in numbers by key path cannot be arrays, "" if they can.
+
+        Parameters
+        ----------
+        keys : key paths of the file, such as `parameters.length_mm`.
+        """
+        return f"a {self.kind} has no layouts of many designs"
+
+    def layouts(self, given: Mapping[str, Array], number: int) -> Layouts:
+        """Return the layouts of n designs, where `without_arrays` does not object to the keys.
+
+        Parameters
+        ----------
+        given : arrays (n,) of the numbers in which the designs differ, by key path, in file units.
+        number : n.
         """
         raise NotImplementedError
 

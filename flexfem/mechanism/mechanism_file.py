@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any, Self
 
 from pydantic import BaseModel
 
+from flexfem.arrays import Array
 from flexfem.files.expressions import Evaluated, names_in
 from flexfem.files.quantities import STATED
 from flexfem.files.refusals import key_path, nearest
@@ -15,8 +16,10 @@ from flexfem.files.tables import once
 from flexfem.files.toml import PathLike
 from flexfem.mechanism.assembly import layout_of
 from flexfem.mechanism.content import located, read_content
+from flexfem.mechanism.designs import layouts_of, unsupported
 from flexfem.mechanism.keys import PARAMETERS, Key
 from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.layouts import Layouts
 from flexfem.mechanism.mechanism import Mechanism as Mechanism
 from flexfem.mechanism.parts import MechanismTables
 from flexfem.mechanism.scans import with_scanned_tables
@@ -107,6 +110,14 @@ class MechanismFile(MechanismTables):
         """
         with located(self):
             return layout_of(self)
+
+    def without_arrays(self, keys: Iterable[str]) -> str:
+        """As of any mechanism; few mechanism files have what arrays do not."""
+        return unsupported(self, keys)
+
+    def layouts(self, given: Mapping[str, Array], number: int) -> Layouts:
+        """As of any mechanism."""
+        return layouts_of(self, given, number)
 
 
 Mechanism.usual = MechanismFile

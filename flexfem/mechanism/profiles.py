@@ -1,11 +1,15 @@
-"""Hinge profiles: height and mid-line, edges as exact curves, beam integrals, surface stress and
-triangle sizes.
+"""Hinge profiles: height, edges as exact curves, beam integrals, surface stress, triangle sizes.
 
 A profile lies between x = -length / 2 and length / 2, mm, on its axis, the local x axis. Left and
 right are seen along the axis: the left edge is the upper one. A profile with one `side` is notched
 on this side alone; the other edge is straight, at half a neck from the axis. A new shape is one
 subclass with an entry in `SHAPES`: half its notched edge as curves, the radius of this edge at the
-neck, and its height where a curve is of the kind `Bezier`."""
+neck, and its height where a curve is of the kind `Bezier`.
+
+Dimensions are numbers, or arrays (n, 1) of n designs with one side and the same corners. Heights,
+positions, concentrations and compliances then have a leading axis of designs; curves and triangle
+sizes are for numbers alone. Arrays are not checked: `impossible` says which designs no profile can
+have."""
 
 from __future__ import annotations
 
@@ -20,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.outlines import SHORTEST, Segment, polyline
 from flexfem.refused import BadInput
 
@@ -77,6 +81,8 @@ def _double_exponential(steps: int, end: float) -> tuple[Array, Array]:
 
 
 RULE = _double_exponential(64, 3.3)
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(3)
+UNIFORM_RULE = ((1 + POINTS) / 2, WEIGHTS / 2)  # exact for the squares of positions
 STRESSED = 400  # steps in all between which the largest stress is searched
 
 
@@ -203,12 +209,26 @@ class Profile:
     def __post_init__(self) -> None:
         if self.side not in (None, LEFT, RIGHT):
             raise BadDimension("side", f'"{LEFT}" or "{RIGHT}"')
-        for each in fields(self):
-            value = getattr(self, each.name)
+        for each, value in self._numbers():
             if isinstance(value, int | float) and not (
                 0 < value < math.inf or value == each.default == 0
             ):
                 raise BadDimension(FILE_KEYS.get(each.name, each.name), "a number > 0")
+
+    @property
+    def impossible(self) -> AnyArray:
+        """Whether no profile can have the dimensions, by number or as an array of designs."""
+        found: AnyArray = np.asarray(False)
+        for each, value in self._numbers():
+            found = found | ~_positive(value, each.default == 0)
+        return found
+
+    def _numbers(self) -> Iterator[tuple[Any, Any]]:
+        """Yield the fields that are numbers, with their values."""
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if isinstance(value, int | float | np.ndarray):
+                yield each, value
 
     def with_neck(self, neck: float) -> Profile:
         """Return the profile with another neck, mm; all heights change by the same amount."""
@@ -371,6 +391,26 @@ class Profile:
             found[..., 0, 2] = found[..., 2, 0] = 12 * np.sum(weights * middle / cube, axis=-1)
         return found / (youngs_modulus * thickness)
 
+    def right_half(self) -> Iterator[tuple[Array, Array, Array]]:
+        """Yield positions, weights of integrals and heights (..., q) along each curve of `half`.
+
+        They are those of `quadrature` from the centre to the far end, fewer where the height is
+        uniform, and without the terms that vanish in a curve.
+        """
+        height = np.asarray(self.neck)
+        for curve in self.half():
+            first, last = _ends(curve)
+            step = last - first
+            is_uniform = isinstance(curve, Segment) and not np.any(step.imag)
+            shares, weights = UNIFORM_RULE if is_uniform else RULE
+            along = step.real * shares
+            if isinstance(curve, Bezier):
+                heights = self.height(first.real + along)
+            else:
+                heights = height + self._notches * _rise(along, curve, step)
+            yield first.real + along, step.real * weights, heights
+            height = height + self._notches * step.imag
+
     def opened_before(self, poissons_ratio: float) -> Array:
         """Return the share (n, 3, 3) of an opening of the hinge that arises before each position of
         `quadrature`.
@@ -396,10 +436,19 @@ class Profile:
 
     @cached_property
     def quadrature(self) -> tuple[Array, Array]:
-        """Positions (n,) on the axis and weights (n,) of integrals over it."""
-        low = np.array(self.breaks[:-1])[:, None]
-        step = np.diff(self.breaks)[:, None]
-        return np.ravel(low + step * RULE[0]), np.ravel(step * RULE[1])
+        """Positions (..., n) on the axis and weights (..., n) of integrals over it."""
+        return self._between(*RULE)
+
+    def _between(self, shares: Array, weights: Array) -> tuple[Array, Array]:
+        """Return positions (..., n) at shares (q,) between all breaks, and their weights (..., n).
+
+        weights : (q,), for an integral from 0 to 1.
+        """
+        ends = np.stack(np.broadcast_arrays(*self.breaks))
+        ends = ends.reshape(len(ends), *(ends.shape[1:] or (1,)))
+        low = ends[:-1]
+        step = np.diff(ends, axis=0)
+        return _joined(low + step * shares), _joined(step * weights)
 
     def concentration(self, x: Array, edge: float) -> Concentration:
         """Return the stress concentration at positions x (n,) of an edge of `SIDES`, (n,) or ().
@@ -407,7 +456,7 @@ class Profile:
         It is that of Neuber's notch with the root radius, in bending times the factor of the inner
         or outer edge of a bar whose mid-line has a curvature k, `1 +- k t / 3` (E. Winkler, to
         first order)."""
-        K = concentration(np.asarray(max(self.neck / self.root_radius, SLIGHTEST)))
+        K = concentration(np.maximum(self.neck / self.root_radius, SLIGHTEST))
         return K._replace(bending=K.bending * (1 - edge * self._middle_curvature * self.neck / 3))
 
     @property
@@ -457,9 +506,9 @@ class Profile:
     @cached_property
     def sections(self) -> Array:
         """Positions (n,) on the axis between which the largest stress is searched, mm."""
-        x = np.array(self.breaks)
-        within = _double_exponential(max(4, STRESSED // len(x)), 3.0)[0]
-        return np.concatenate([x, np.ravel(x[:-1, None] + np.diff(x)[:, None] * within)])
+        ends = np.concatenate(np.broadcast_arrays(*map(np.atleast_1d, self.breaks)), axis=-1)
+        within = _double_exponential(max(4, STRESSED // len(self.breaks)), 3.0)[0]
+        return np.concatenate([ends, self._between(within, within)[0]], axis=-1)
 
     def section_stress(
         self,
@@ -476,7 +525,7 @@ class Profile:
         height = self.height(x)
         area = np.asarray(thickness, dtype=float)[..., None] * height
         N, V, M = (wrench[..., k] for k in range(3))
-        neck = self._neck_place
+        neck = self.neck_place
         at_middle = M + N * self.middle(x) - V * neck
 
         def von_mises(along: Array) -> Array:
@@ -510,7 +559,7 @@ class Profile:
 
     def _sizes(self, resolution: float) -> list[Refinement]:
         """Return the sizes in the symmetric profile of the same height."""
-        place = self._neck_place
+        place = self.neck_place
         radius = self.edge_radius
         found = self._levels(place, self.root_radius, resolution)
         if STUBBY * radius < self.neck:
@@ -537,7 +586,7 @@ class Profile:
             reach = following
 
     @property
-    def _neck_place(self) -> float:
+    def neck_place(self) -> float:
         """Position of the neck, mm."""
         return 0.0
 
@@ -557,6 +606,23 @@ class Profile:
         x = np.linspace(place - inside, place + inside, max(2, math.ceil(2 * inside / radius) + 1))
         x = x[np.abs(x) < self.length / 2]
         return tuple(map(complex, x.tolist())), size, radius
+
+
+def is_one(value: Any) -> bool:
+    """Whether a dimension is one number, not an array of designs."""
+    return np.ndim(value) == 0
+
+
+def _positive(value: ArrayLike, or_zero: bool) -> AnyArray:
+    """Return whether dimensions (...) are finite and positive, or perhaps zero."""
+    number = np.asarray(value)
+    least = number >= 0 if or_zero else number > 0
+    return np.asarray(least & (number < math.inf))
+
+
+def _joined(pieces: Array) -> Array:
+    """Return positions (..., pieces times q) of positions (pieces, ..., q)."""
+    return np.moveaxis(pieces, 0, -2).reshape(*pieces.shape[1:-1], -1)
 
 
 def _mirror_image(edge: Iterable[Curve]) -> list[Curve]:
@@ -634,9 +700,10 @@ class Elliptical(Spanned):
         b = self.depth
         start = centre - 1j * b
         end = centre + a
-        if abs(a - b) <= SHORTEST:
+        if is_one(a - b) and abs(a - b) <= SHORTEST:
             return [Segment(start, end, centre)]
-        return [Ellipse(start, end, centre, complex(a) if a > b else 1j * b)]
+        major: Any = np.where(a > b, a, 1j * b)
+        return [Ellipse(start, end, centre, complex(major) if is_one(major) else major)]
 
 
 @dataclass(frozen=True)
@@ -656,9 +723,22 @@ class Leaf(Spanned):
             raise BadDimension(
                 "flush", f"corners without a fillet, each once: {', '.join(CORNERS)}"
             )
-        if 2 * self.fillet >= self.span - SHORTEST:
+        if is_one(self._fillets_meet) and self._fillets_meet:
             unit = ": is the unit of both right?" if self.fillet > self.span else ""
             raise BadDimension("fillet", f"less than half of length_mm = {self.span:g}{unit}")
+
+    @property
+    def _fillets_meet(self) -> AnyArray:
+        return np.asarray(2 * self.fillet >= self.span - SHORTEST)
+
+    @property
+    def impossible(self) -> AnyArray:
+        return super().impossible | self._fillets_meet
+
+    @property
+    def _has_fillets(self) -> bool:
+        """Whether there are fillets; some designs of an array may not be without them."""
+        return bool(np.all(self.fillet > SHORTEST))
 
     def half(self) -> list[Curve]:
         half = self.span / 2
@@ -666,16 +746,12 @@ class Leaf(Spanned):
         y = 0.5j * self.neck
         straight = Segment(y, half - r + y)
         centre = half - r + y + 1j * r
-        return (
-            [straight, Segment(centre - 1j * r, centre + r, centre)] if r > SHORTEST else [straight]
-        )
+        if not self._has_fillets:
+            return [straight]
+        return [straight, Segment(centre - 1j * r, centre + r, centre)]
 
     def _filleted(self, end: str, side: str) -> bool:
-        return (
-            self.fillet > SHORTEST
-            and self.side in (None, side)
-            and f"{end} {side}" not in self.flush
-        )
+        return self._has_fillets and self.side in (None, side) and f"{end} {side}" not in self.flush
 
     @property
     def bare_corners(self) -> tuple[str, ...]:
@@ -702,7 +778,9 @@ class Leaf(Spanned):
     def _rise(self, x: Array, side: str) -> Array:
         """Rise (...) of an edge by its fillets at positions x (...), mm."""
         into = np.clip(np.abs(x) - (self.span / 2 - self.fillet), 0.0, self.fillet)
-        rise = into**2 / (self.fillet + np.sqrt(self.fillet**2 - into**2)) if self.fillet else into
+        rise = into
+        if np.any(self.fillet):
+            rise = into**2 / (self.fillet + np.sqrt(self.fillet**2 - into**2))
         return np.asarray(
             rise * np.where(x < 0, self._filleted(FIRST, side), self._filleted(SECOND, side))
         )
@@ -797,7 +875,7 @@ class Parabolic(Spanned):
     def half(self) -> list[Curve]:
         lowest = 0.5j * self.neck
         half = self.span / 2
-        return [Bezier((lowest, lowest + half / 2, lowest + complex(half, self.depth)))]
+        return [Bezier((lowest, lowest + half / 2, lowest + half + 1j * self.depth))]
 
 
 @dataclass(frozen=True)
@@ -812,19 +890,31 @@ class Vee(Profile):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.angle >= np.pi:
+        if is_one(self.angle) and self.angle >= np.pi:
             raise BadDimension("angle", "less than 180 degrees")
-        if self.depth <= self.root * (1 - math.sin(self.angle / 2)):
+        if is_one(self._all_rounded) and self._all_rounded:
             raise BadDimension(
                 "depth", "more than the rounding removes, root_radius (1 - sin(angle / 2))"
             )
+
+    @property
+    def _all_rounded(self) -> AnyArray:
+        """Whether the rounding of the root takes the whole depth."""
+        return np.asarray(self.depth <= self.root * (1 - np.sin(self.angle / 2)))
+
+    @property
+    def impossible(self) -> AnyArray:
+        return super().impossible | (self.angle >= np.pi) | self._all_rounded
 
     @property
     def _tangent(self) -> complex:
         """Point where the rounded root goes over into the flank, from the lowest point of the
         notch, mm.
         """
-        return self.root * complex(math.cos(self.angle / 2), 1 - math.sin(self.angle / 2))
+        steep = self.angle / 2
+        if is_one(steep):
+            return self.root * complex(math.cos(steep), 1 - math.sin(steep))
+        return self.root * (np.cos(steep) + 1j * (1 - np.sin(steep)))  # type: ignore[no-any-return]
 
     @property
     def edge_radius(self) -> float:
@@ -834,7 +924,8 @@ class Vee(Profile):
         lowest = 0.5j * self.neck
         flank = self.depth - self._tangent.imag
         tangent = lowest + self._tangent
-        end = tangent + complex(flank * math.tan(self.angle / 2), flank)
+        slope = math.tan(self.angle / 2) if is_one(self.angle) else np.tan(self.angle / 2)
+        end = tangent + flank * slope + 1j * flank
         return [Segment(lowest, tangent, lowest + 1j * self.root), Segment(tangent, end)]
 
 
@@ -966,7 +1057,7 @@ class Tabulated(Profile):
         return float(np.min(np.abs(self._rows[0] - self.section))) > SHORTEST
 
     @property
-    def _neck_place(self) -> float:
+    def neck_place(self) -> float:
         x, h = self._rows
         return float(x[np.argmin(h)])
 
