@@ -23,13 +23,14 @@ from flexfem.paper.driven import DriveRanges, drive_ranges
 from flexfem.paper.drives import drive_of, drives_of
 from flexfem.paper.equations import freedoms_of, mobility
 from flexfem.paper.feasibility import Broken, conditions
+from flexfem.paper.life import by_wrenches, lives
 from flexfem.paper.links import body_compliance, edge_motions
 from flexfem.paper.model import at_rest, hinge_compliances, invalid_hinges
 from flexfem.paper.outputs import DesignAnswers, values_of
 from flexfem.paper.responses import LinkParts, WarmBodies
 from flexfem.paper.stage import Stage
 from flexfem.questions.driven import Driven
-from flexfem.questions.life import CyclicMotion, by_wrenches, cyclic_motion, lives
+from flexfem.questions.life import CyclicMotion, cyclic_motion
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.batch import BatchRows

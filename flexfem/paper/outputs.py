@@ -9,8 +9,8 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.paper.driven import DriveRanges
+from flexfem.paper.life import Lives
 from flexfem.paper.responses import DriftRates
-from flexfem.questions.life import Lives
 from flexfem.study import columns
 from flexfem.units import unit_of
 

@@ -35,6 +35,7 @@ ANSWERS: dict[str, str] = {
     "drive": "drive",
     "family": "study",
     "gravity": "gravity",
+    "life": "life",
     "reach": "reach",
     "stored_compliance": "baseline",
     "stored_mesh": "baseline",

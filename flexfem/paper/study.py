@@ -28,6 +28,7 @@ from flexfem.paper.batch import (
 )
 from flexfem.paper.commanding import element_ranges
 from flexfem.paper.designs import lower
+from flexfem.paper.life import by_elements, lives, preload_warnings
 from flexfem.paper.model import analyse, in_range
 from flexfem.paper.outputs import DesignAnswers, ErrorPercentages, values_of
 from flexfem.paper.responses import in_plane, rates_of, require_expansion
@@ -36,7 +37,7 @@ from flexfem.paper.stage_file import of_drive, of_heat
 from flexfem.paper.stage_mesh import layers_of, mesh_sectors, plate_of, sheet_of
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import error_matrix, levels, mesh_band
-from flexfem.questions.life import CyclicMotion, by_elements, lives, preload_warnings
+from flexfem.questions.life import CyclicMotion
 from flexfem.questions.modes import vibrating
 from flexfem.questions.setup import Analytic
 from flexfem.refused import BadInput, ComputationFailed

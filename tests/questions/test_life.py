@@ -14,9 +14,10 @@ from matplotlib.figure import Figure
 import flexfem
 from flexfem.commands import cli
 from flexfem.hinges.strength import checked_law, equivalent
+from flexfem.paper.life import by_elements, by_model
 from flexfem.paper.solutions import solved
 from flexfem.plot.life import life_figure, plot_life
-from flexfem.questions.life import CyclicMotion, by_elements, by_model, cyclic_motion, factor_at
+from flexfem.questions.life import CyclicMotion, cyclic_motion, factor_at
 from flexfem.results import ANALYTIC, ELEMENTS
 
 from ..conftest import ROOT
@@ -271,6 +272,19 @@ def test_the_figure_of_a_mechanism_names_its_hinges_and_draws_those_of_every_mod
         re.search(r"first at hinge leaf\b", header.replace("\n", " "))
         and "sensitivity" not in header
     )
+
+
+@pytest.mark.parametrize("name", ["mobility6", "parallelogram"])
+def test_a_stored_life_has_its_law_and_draws_its_figure(name, tmp_path):
+    law = flexfem.Basquin(900.0, -0.11, 0.6, (2e3, 3e7), True)
+    about = flexfem.load(GEOMETRY / f"{name}.toml")
+    found = analytic(about, (0.05, 0.0, 0.0), law=law)
+    read = flexfem.Result.read(found.write(tmp_path / "life.json"))
+    assert type(read) is type(found) and read.law == found.law == law
+    assert read.yield_strength == found.yield_strength == about.material.yield_strength
+    drawn = [life_figure(one).axes[0].get_lines() for one in (found, read)]
+    for line, again in zip(*drawn, strict=True):
+        np.testing.assert_array_equal(line.get_xydata(), again.get_xydata())
 
 
 def test_a_mean_of_bending_pulls_one_surface_of_a_neck_whatever_its_sign(unlike, modelled):
