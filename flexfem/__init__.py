@@ -77,7 +77,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
-    from flexfem.questions.stiffness import summary as summary
+    from flexfem.questions.summary import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.results import Result as Result
@@ -127,7 +127,7 @@ MODULES = {  # module of each name of `__all__`
     "reach": "questions.reach",
     "Analytic": "questions.setup",
     "stiffness": "questions.stiffness",
-    "summary": "questions.stiffness",
+    "summary": "questions.summary",
     "BadInput": "refused",
     "ComputationFailed": "refused",
 }

@@ -14,7 +14,7 @@ import pytest
 
 from flexfem.questions.check import known_formulas
 from flexfem.questions.reach import Reach
-from flexfem.questions.stiffness import MechanismSummary
+from flexfem.questions.summary import Summary
 from flexfem.refused import BadInput
 from flexfem.results import About, Gate, Quantity, Result, number, record_parts
 
@@ -264,5 +264,5 @@ def test_a_value_below_a_millionth_of_what_matters_is_zero_whatever_its_band():
 def test_the_end_of_a_range_is_compared_with_the_other_end():
     """The lower end is round-off in x and theta; the upper one is 17 um along x."""
     values = {"free_low": [0.0, 0.0, -30e-12], "free_high": [17e-3, 2e-9, 0.0]}
-    found = MechanismSummary(About("one", lever=36.0), values, {"free_low": [0.0, 0.0, 230e-12]})
+    found = Summary(About("one", lever=36.0), values, {"free_low": [0.0, 0.0, 230e-12]})
     assert found.texts("free_low") == ["0", "0", "0"] and found.texts("free_high")[1:] == ["0", "0"]

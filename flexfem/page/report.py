@@ -61,7 +61,8 @@ from flexfem.questions.large import large
 from flexfem.questions.life import checked_amplitude, life
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
-from flexfem.questions.stiffness import stiffness, summary
+from flexfem.questions.stiffness import stiffness
+from flexfem.questions.summary import summary
 from flexfem.refused import BadInput, printed
 from flexfem.results import AXES, Fields, Progress, Result, TextTable, record_parts, versions
 from flexfem.study import REPORTS

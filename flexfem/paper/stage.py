@@ -39,6 +39,8 @@ ANSWERS: dict[str, str] = {
     "reach": "reach",
     "stored_compliance": "baseline",
     "stored_mesh": "baseline",
+    "stiffness": "stiffness",
+    "summary": "summary",
 }
 
 

@@ -38,6 +38,7 @@ from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import levels
 from flexfem.questions.plates import (
+    PEAK,
     Responses,
     model_of,
     parts_of,
@@ -48,7 +49,7 @@ from flexfem.questions.plates import (
 )
 from flexfem.questions.setup import Mesh, ModelAnswer
 from flexfem.refused import ComputationFailed
-from flexfem.results import STRESS, Quantity
+from flexfem.results import Quantity
 from flexfem.units import DIRECTIONS
 
 UNKNOWN = "unknown"  # kind of an end that finite elements do not reach
@@ -93,8 +94,7 @@ RANGE = Quantity(
     "range of the output until a limit",
     "motion",
     ("others", "sense", "direction"),
-    STRESS,
-    only="mechanism",
+    PEAK,
     note=(
         "at finite displacements, driven along one direction from rest, the other directions "
         "held or free"
@@ -104,14 +104,12 @@ RANGE_FORCE = Quantity(
     "force at the end of the range",
     "wrench",
     ("others", "sense", "direction"),
-    STRESS,
-    only="mechanism",
+    PEAK,
 )
 RANGE_LIMIT = Quantity(
     "limit at which the range ends",
     "",
     ("others", "sense", "limit", "direction"),
-    only="mechanism",
     note="1 for the limit that governs, 0 for the others",
 )
 

@@ -162,6 +162,17 @@ def _is(value: Any, default: Any) -> bool:
     return not isinstance(value, np.ndarray) and bool(value == default)
 
 
+def kind_of_answer(asked: Callable[..., Any], mechanism: Mechanism) -> type[Result]:
+    """Return the kind of result of a question about a mechanism."""
+    own = mechanism.answering(asked.__name__)
+    kind = get_type_hints(own or asked)["return"]
+    if own is not None:
+        return cast(type[Result], kind)
+    if get_args(kind):  # one of a stage, and one of others
+        return cast(type[Result], get_args(kind)[isinstance(mechanism, MechanismFile)])
+    return kind_of(kind, mechanism)
+
+
 def check_word(name: str, value: Any, hint: Any) -> None:
     """Raise BadInput for a word that the `Literal` of a parameter lacks, and for a model that is
     no `Analytic`.

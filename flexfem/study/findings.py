@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias, get_args, get_type_hints
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -15,7 +15,7 @@ import flexfem
 from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, brief, is_wide
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.questions.setup import kind_of
+from flexfem.questions.setup import kind_of_answer
 from flexfem.refused import BadInput
 from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, LIVES, RANGES, STRESSES
@@ -97,10 +97,7 @@ def asked(path: str, mechanism: Mechanism) -> AxisText:
     `stiffness.free.analytic.x`.
     """
     question, name, *labels = path.replace("_", " ").split(".")
-    own = mechanism.answering(question)
-    kind = get_type_hints(own or getattr(flexfem, question))["return"]
-    if own is None:
-        kind = kind_of((get_args(kind) or (kind,))[0], mechanism)
+    kind = kind_of_answer(getattr(flexfem, question), mechanism)
     quantity = kind.quantities[name.replace(" ", "_")]
     if len(labels) != len(quantity.over):
         return AxisText(path)

@@ -32,8 +32,9 @@ from flexfem.page.section import (
     table,
 )
 from flexfem.paper.commanding import driven_elements
+from flexfem.paper.stiffness import StageStiffness
 from flexfem.plot.style import house_style
-from flexfem.questions.stiffness import MechanismStiffness, Stiffness
+from flexfem.questions.stiffness import Stiffness
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, About, TextTable
 from flexfem.units import DIRECTIONS
@@ -485,7 +486,7 @@ def test_key_results_are_those_of_finite_elements_with_errors_of_the_analytic_mo
         "free": np.array([[np.nan] * 3, [0.1, 0.2, 100.0]]),
         "yield_range": np.stack([np.full(3, np.nan), np.full(3, 0.005)]),
     }
-    found = Stiffness(About("one", lever=50.0), values, bands, {"model": (ANALYTIC, ELEMENTS)})
+    found = StageStiffness(About("one", lever=50.0), values, bands, {"model": (ANALYTIC, ELEMENTS)})
     rows = {title: cells for title, *cells in rows_at_rest(found, ELEMENTS, "beams")}
     assert rows["stiffness, other directions held"][:2] == [
         "40.00 ± 0.10 N/mm",
@@ -498,7 +499,9 @@ def test_key_results_are_those_of_finite_elements_with_errors_of_the_analytic_mo
     values["compliance"] = values["compliance"] * np.diag(
         [1.0, 1.0, 1 / 101]
     )  # as stiff as 4040 N/mm at the lever
-    turned = Stiffness(About("one", lever=50.0), values, bands, {"model": (ANALYTIC, ELEMENTS)})
+    turned = StageStiffness(
+        About("one", lever=50.0), values, bands, {"model": (ANALYTIC, ELEMENTS)}
+    )
     assert [
         cells[3]
         for cells in rows_at_rest(turned, ELEMENTS, "beams")
@@ -522,9 +525,7 @@ def test_the_key_results_state_the_range_at_finite_displacement_and_its_limit():
     limit[1, 1, :, 1] = np.eye(7)[2]
     values["range_limit"] = limit
     band = np.full((2, 2, 3), 0.01)
-    found = MechanismStiffness(
-        About("one", lever=50.0), values, {"range": band}, {"model": (ANALYTIC,)}
-    )
+    found = Stiffness(About("one", lever=50.0), values, {"range": band}, {"model": (ANALYTIC,)})
     rows = rows_at_rest(found, ANALYTIC, "beams")
     free, ends, force, held = rows[2:6]
     titles = [title for title, *_ in rows]
