@@ -33,7 +33,7 @@ from flexfem.questions.setup import (
 )
 from flexfem.questions.stiffness import (
     Load,
-    Part,
+    PartOfAnswer,
     Stiffness,
     at_rest,
     fields_under,
@@ -145,7 +145,7 @@ def stiffness(
     if mesh is not None:
         found = _with_bounds(stage, mesh, found)
     parts = [
-        Part(warnings=stated),
+        PartOfAnswer(warnings=stated),
         _of_stage(stage, mesh, model),
         _under_load(stage, found),
         _of_motions(stage, found),
@@ -245,7 +245,7 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     return soft, hard
 
 
-def _of_stage(stage: Stage, mesh: Mesh | None, model: _Model | None) -> Part:
+def _of_stage(stage: Stage, mesh: Mesh | None, model: _Model | None) -> PartOfAnswer:
     """Return the formula, the compliance of the hinges, and the effect of the thickness."""
     values = dict[str, Array]()
     settings = dict[str, Any]()
@@ -263,17 +263,17 @@ def _of_stage(stage: Stage, mesh: Mesh | None, model: _Model | None) -> Part:
         values["thickness"] = thickness
     if mesh is not None:
         warnings += warning.held_faces(stage) if mesh.layers else warning.of_thickness(stage)
-    return Part(values, settings=settings, warnings=warnings, notes=notes)
+    return PartOfAnswer(values, settings=settings, warnings=warnings, notes=notes)
 
 
-def _under_load(stage: Stage, found: Mapping[str, ModelAnswer]) -> Part:
+def _under_load(stage: Stage, found: Mapping[str, ModelAnswer]) -> PartOfAnswer:
     """Warn of neck stress beyond the yield strength under the load."""
     if "force" not in last_of(found):
-        return Part()
-    return Part(warnings=over_yield(stage, found, "neck_stress", "under this load"))
+        return PartOfAnswer()
+    return PartOfAnswer(warnings=over_yield(stage, found, "neck_stress", "under this load"))
 
 
-def _of_motions(stage: Stage, found: Mapping[str, ModelAnswer]) -> Part:
+def _of_motions(stage: Stage, found: Mapping[str, ModelAnswer]) -> PartOfAnswer:
     """Warn of stages that leave small displacements, under the load or at the ends of the ranges at
     yield.
     """
@@ -284,7 +284,7 @@ def _of_motions(stage: Stage, found: Mapping[str, ModelAnswer]) -> Part:
     warnings = list[str]()
     for where, pose in poses.items():
         warnings += warning.of_motion(stage, pose, where)
-    return Part(warnings=warnings)
+    return PartOfAnswer(warnings=warnings)
 
 
 def _fields_of(stage: Stage, mesh: Mesh | None, last: Values) -> MeshFields | None:

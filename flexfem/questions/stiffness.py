@@ -230,7 +230,7 @@ class Load(NamedTuple):
         return np.asarray(stiffness @ self.displacement)
 
 
-class Part(NamedTuple):
+class PartOfAnswer(NamedTuple):
     """A part of an answer: values and bands of all models by quantity, settings, warnings, notes."""
 
     values: Mapping[str, Any] = setup.NOTHING
@@ -312,8 +312,9 @@ def stiffness(
     Returns
     -------
     Stiffness
-        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
-        mechanism_stiffness` lists it.
+        Of a stage file `StageStiffness`. Every number has the unit that its quantity declares:
+        `unit` returns it, and `flexfem schema mechanism_stiffness` or `flexfem schema stiffness`
+        lists it.
 
     Raises
     ------
@@ -345,7 +346,7 @@ def stiffness(
         return _at_preload(_Asked(mechanism, small, mesh, models, progress), preload)
     asked = _Asked(mechanism, load, mesh, models, progress)
     found = _by_models(asked)
-    parts = [Part(warnings=warning.of_numbers(mechanism))]
+    parts = [PartOfAnswer(warnings=warning.of_numbers(mechanism))]
     parts += [_soft_bodies(found), _body_yields(mechanism, mesh, found)]
     if not no_limits:
         parts += [_buckling(mechanism, found), _ranges(mechanism, mesh, found)]
@@ -353,7 +354,7 @@ def stiffness(
     if out_of_plane:
         parts.append(lifted_stiffness(mechanism, force_out_of_plane))
     if load.at_points is not None:
-        parts.append(Part({"point_load": load.at_points}))
+        parts.append(PartOfAnswer({"point_load": load.at_points}))
     fields = _fields_of(asked, found)
     return setup.answer(Stiffness, mechanism, found, mesh, fields=fields, **joined(parts))
 
@@ -381,7 +382,7 @@ def load_of(
     return Load(on_ports, at_points=at_points)
 
 
-def joined(parts: Sequence[Part]) -> dict[str, Any]:
+def joined(parts: Sequence[PartOfAnswer]) -> dict[str, Any]:
     """Return parts of an answer as arguments of `setup.answer`."""
     values = dict[str, Any]()
     bands = dict[str, Any]()
@@ -572,14 +573,14 @@ def _at_preload(asked: _Asked, preload: Array) -> Stiffness:
 # parts of the answer
 
 
-def lifted_stiffness(mechanism: Mechanism, force: Sequence[float] | None = None) -> Part:
+def lifted_stiffness(mechanism: Mechanism, force: Sequence[float] | None = None) -> PartOfAnswer:
     """Return the stiffness of the output out of the plane, and its displacement by a load (3,) if
     there is one.
     """
     try:
         found = plates.lifted(mechanism)
     except ComputationFailed as failure:
-        return Part(warnings=[f"no stiffness out of the plane: {failure}"])
+        return PartOfAnswer(warnings=[f"no stiffness out of the plane: {failure}"])
     free = 1 / np.diag(found.compliance)
     values = {"lifted_held": np.diag(found.stiffness), "lifted_free": free}
     bands = {
@@ -590,33 +591,37 @@ def lifted_stiffness(mechanism: Mechanism, force: Sequence[float] | None = None)
         load = arguments.forces("force_out_of_plane", force, 1)
         values |= {"lifted_force": load, "lifted_pose": found.compliance @ load}
         bands["lifted_pose"] = found.compliance_band @ np.abs(load)
-    return Part(values, bands)
+    return PartOfAnswer(values, bands)
 
 
-def _soft_bodies(found: Mapping[str, ModelAnswer]) -> Part:
+def _soft_bodies(found: Mapping[str, ModelAnswer]) -> PartOfAnswer:
     """Warn of directions in which the bodies, which the analytic model takes as rigid, are softer
     than the hinges.
     """
     if ELASTIC not in found:
-        return Part()
+        return PartOfAnswer()
     rigid = found[ANALYTIC].values["free"]
     elastic = found[ELASTIC].values["free"]
     soft = ", ".join(compress(DIRECTIONS, rigid > 2 * elastic))
     if not soft:
-        return Part()
-    return Part(warnings=[f"in {soft}, bodies are more compliant than hinges: {HINGES_ALONE}"])
+        return PartOfAnswer()
+    return PartOfAnswer(
+        warnings=[f"in {soft}, bodies are more compliant than hinges: {HINGES_ALONE}"]
+    )
 
 
-def _body_yields(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> Part:
+def _body_yields(
+    mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]
+) -> PartOfAnswer:
     """Name the part that yields first by finite elements, and the corners near which no stress is
     stated.
     """
     last = last_of(found)
     if mesh is None or "body_rate" not in last:
-        return Part()
+        return PartOfAnswer()
     coarse = plates.meshed(mechanism, levels(mesh.resolution)[0])
     left_out = plates.left_out_corners(mechanism.layout, coarse)
-    return Part(warnings=left_out, notes=[_first_yields(mechanism.layout, last)])
+    return PartOfAnswer(warnings=left_out, notes=[_first_yields(mechanism.layout, last)])
 
 
 def _first_yields(layout: Layout, values: Values) -> str:
@@ -635,15 +640,15 @@ def _first_yields(layout: Layout, values: Values) -> str:
     return f"first yield by finite elements, which ends the range at yield: {'; '.join(texts)}"
 
 
-def _buckling(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> Part:
+def _buckling(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> PartOfAnswer:
     """Return the loads at which hinges buckle by the analytic model, and warn of those below the
     forces at yield.
     """
     if ANALYTIC not in found:
-        return Part()
+        return PartOfAnswer()
     loads = buckling_loads(mechanism.layout)
     warnings = _of_buckling(loads, last_of(found)["yield_force"])
-    return Part({"buckling_load": loads}, warnings=warnings)
+    return PartOfAnswer({"buckling_load": loads}, warnings=warnings)
 
 
 def buckling_loads(layout: Layout) -> Array:
@@ -690,14 +695,16 @@ def _as_load(value: float, axis: int) -> str:
     return f"{value:.4g} {'N mm' if axis == 2 else 'N'}"
 
 
-def _ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> Part:
+def _ranges(
+    mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]
+) -> PartOfAnswer:
     """Return the ranges at finite displacements, and name their limits."""
     if not mechanism.layout.joints:
-        return Part()
+        return PartOfAnswer()
     try:
         reached = ranges(mechanism, mesh, found)
     except ComputationFailed as failure:
-        return Part(warnings=[f"no range at finite displacements: {failure}"])
+        return PartOfAnswer(warnings=[f"no range at finite displacements: {failure}"])
     stress = reached.array("stress") / mechanism.layout.hinge_shares
     values = {
         "range": reached.array("displacement"),
@@ -709,20 +716,24 @@ def _ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAn
         "range": reached.array("displacement_band"),
         "range_force": reached.array("force_band"),
     }
-    return Part(values, bands, notes=described(mechanism.layout, reached))
+    return PartOfAnswer(values, bands, notes=described(mechanism.layout, reached))
 
 
-def _under_load(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> Part:
+def _under_load(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> PartOfAnswer:
     """Warn of stress beyond the yield strength under the load."""
     if "force" not in last_of(found):
-        return Part()
-    return Part(warnings=plates.over_yield(mechanism, found, "hinge_stress", "under this load"))
+        return PartOfAnswer()
+    return PartOfAnswer(
+        warnings=plates.over_yield(mechanism, found, "hinge_stress", "under this load")
+    )
 
 
-def _beyond_linear(mechanism: Mechanism, found: Mapping[str, ModelAnswer], load: Load) -> Part:
+def _beyond_linear(
+    mechanism: Mechanism, found: Mapping[str, ModelAnswer], load: Load
+) -> PartOfAnswer:
     """Warn of a load or displacement at which linear theory is off by more than its band, by beams."""
     if "force" not in last_of(found) or not mechanism.layout.joints:
-        return Part()
+        return PartOfAnswer()
     if load.displacement is not None:
         applied = finite.by_pose(mechanism.layout, load.displacement)
     else:
@@ -730,7 +741,7 @@ def _beyond_linear(mechanism: Mechanism, found: Mapping[str, ModelAnswer], load:
         applied = finite.by_loads(mechanism.layout, load.on_ports)
     relative = finite.relative_bands(list(found.values())[-1], "pose", "hinge_stress")
     changes = finite.changes(mechanism, None, [applied])
-    return Part(warnings=changes.warnings("under this load", None, *relative))
+    return PartOfAnswer(warnings=changes.warnings("under this load", None, *relative))
 
 
 # fields

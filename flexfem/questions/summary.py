@@ -127,8 +127,9 @@ def summary(
     Returns
     -------
     Summary
-        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
-        mechanism_summary` lists it.
+        Of a stage file `StageSummary`. Every number has the unit that its quantity declares:
+        `unit` returns it, and `flexfem schema mechanism_summary` or `flexfem schema summary`
+        lists it.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from flexfem.fem.export import write_vtu
 from flexfem.paper import solutions
 from flexfem.paper.answers import solid_levels
 from flexfem.paper.warnings import held_faces
-from flexfem.questions import stiffness as solid
+from flexfem.paper import stiffness as solid
 from flexfem.questions.bands import solid_bands
 
 from ..tolerances import SOLVED
