@@ -17,7 +17,8 @@ from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.paper.verification import run_case
 from flexfem.questions.bands import levels
-from flexfem.questions.stiffness import stiffness, summary
+from flexfem.questions.stiffness import stiffness
+from flexfem.questions.summary import summary
 from flexfem.results import Result
 from flexfem.units import DIRECTIONS
 

@@ -10,9 +10,9 @@ import flexfem
 from flexfem.fem.elements import layered
 from flexfem.fem.export import write_vtu
 from flexfem.paper import solutions
+from flexfem.paper import stiffness as solid
 from flexfem.paper.answers import solid_levels
 from flexfem.paper.warnings import held_faces
-from flexfem.paper import stiffness as solid
 from flexfem.questions.bands import solid_bands
 
 from ..tolerances import SOLVED
