@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.importing.drawings import Reading as Reading
     from flexfem.importing.drawings import import_drawing as import_drawing
     from flexfem.importing.drawings import load as load
+    from flexfem.live.server import serve as serve
     from flexfem.mechanism.materials import Material as Material
     from flexfem.mechanism.materials import materials as materials
     from flexfem.mechanism.materials import register_material as register_material
@@ -140,6 +141,7 @@ OTHERS = {  # module of names that scripts may use, too; documented in their mod
     "Basquin": "hinges.strength",
     "fit_basquin": "hinges.strength",
     "Actuator": "paper.actuators",
+    "serve": "live.server",
     "materials": "mechanism.materials",
     "register_material": "mechanism.materials",
     "plot_results": "page.report",

@@ -33,7 +33,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("plot", "schemas"),
     ("paper",),
     ("studies", "workshop"),
-    ("page", "baselines"),
+    ("page", "baselines", "live"),
     ("terminal",),
     ("commands",),
     ("__main__",),
@@ -45,6 +45,9 @@ HEAVY = {
     "meshio": ("fem",),
     "ezdxf": ("cad", "importing"),
     "svgelements": ("importing",),
+    "starlette": ("live",),
+    "uvicorn": ("live",),
+    "tomlkit": ("live",),
 }  # who may import what
 
 

@@ -20,6 +20,7 @@ START = {
     "import": Listed("import_drawing", "Recognise bodies and hinges in a drawing."),
     "check": Listed("check", "Validate a file; show its parts and the sources of its numbers."),
     "view": Listed("view", "Draw a stage, a mechanism or what is recognised in a drawing."),
+    "live": Listed("serve", "Serve a page that answers while numbers are changed."),
     "summary": Listed("summary", "Stiffness, range and force at yield, and range of the drive."),
 }
 STIFFNESS = {

@@ -69,6 +69,11 @@ def require_unread(*paths: Path, read: Iterable[Path] = ()) -> None:
             )
 
 
+def may_write(path: Path) -> None:
+    """Record that a command changes one of its inputs, because the user asks for it."""
+    wrote(path)
+
+
 def wrote(path: Path) -> None:
     """Record that the command has written a file, so that it may read it and write it again."""
     if _reads:

@@ -1,0 +1,1 @@
+"""One page on a mechanism file that answers while its numbers are changed."""

@@ -1,0 +1,115 @@
+"""Key results of a mechanism by one model, and its drawing, as a live page shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.plate import body_polygon, joint_polygon
+from flexfem.questions.modes import modes
+from flexfem.questions.stiffness import stiffness
+from flexfem.results import Progress, Result
+
+SHOWN = (  # quantities of `stiffness`, with their names on the page
+    ("free", "stiffness, other directions free"),
+    ("held", "stiffness, other directions held"),
+    ("free_yield_range", "linear range until a hinge yields"),
+    ("amplification", "output motion per actuator opening"),
+    ("input_stiffness", "stiffness at the actuator"),
+)
+FREQUENCY = "first natural frequency in the plane"
+MARGIN = 0.04  # of the drawing around the plate, relative to its size
+DECIMALS = 4  # of coordinates, mm
+
+
+class Row(NamedTuple):
+    """A key result: its name and its cells, one for x, y and theta or a single one."""
+
+    name: str
+    cells: list[str]
+
+
+class PlateDrawing(NamedTuple):
+    """A drawing in millimetres, y upwards: its box and its paths in the notation of SVG.
+
+    box : left, low, width, height.   bodies, hinges, ground : paths.   output : x and y.
+    actuators : lines x1, y1, x2, y2.
+    """
+
+    box: list[float]
+    bodies: list[str]
+    ground: list[str]
+    hinges: list[str]
+    output: list[float]
+    actuators: list[list[float]]
+
+
+def rows_by_model(mechanism: Mechanism, models: Any, progress: Progress | None = None) -> list[Row]:
+    """Return the key results by the analytic model or by finite elements."""
+    asked: dict[str, Any] = {"models": models, "progress": progress}
+    at_rest = stiffness(mechanism, no_limits=True, **asked)
+    found = list[Row]()
+    for quantity, name in SHOWN:
+        found += _rows(at_rest, quantity, name)
+    first = modes(mechanism, models=models, count=1)
+    return found + _rows(first, "frequency", FREQUENCY, mode=first.axes["mode"][0])
+
+
+def _rows(result: Result, quantity: str, name: str, **labels: str) -> list[Row]:
+    """Return the rows of a quantity by the last model, one for each actuator."""
+    if quantity not in result.values:
+        return []
+    over = result.quantities[quantity].over
+    labels["model"] = result.axes["model"][-1]
+    if "actuator" not in over:
+        return [Row(name, result.texts(quantity, **_in_order(over, labels)))]
+    found = list[Row]()
+    actuators = result.axes["actuator"]
+    for actuator in actuators:
+        at = _in_order(over, labels | {"actuator": actuator})
+        text = f"{name} {actuator}" if len(actuators) > 1 else name
+        found.append(Row(text, result.texts(quantity, **at)))
+    return found
+
+
+def _in_order(over: Iterable[str], labels: dict[str, str]) -> dict[str, str]:
+    return {axis: labels[axis] for axis in over if axis in labels}
+
+
+def drawing_of(layout: Layout) -> PlateDrawing:
+    """Return the drawing of a mechanism."""
+    shapes = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
+    hinges = [joint_polygon(joint) for joint in layout.joints]
+    left, low, right, high = shapely.total_bounds(np.array([*shapes, *hinges]))
+    margin = MARGIN * max(right - left, high - low)
+    box = [left - margin, low - margin, right - left + 2 * margin, high - low + 2 * margin]
+    bodies = list(zip(layout.bodies, shapes, strict=True))
+    output = layout.points[0][1].point
+    actuators = [
+        [near.point.real, near.point.imag, far.point.real, far.point.imag]
+        for near, far in (actuator.contacts for actuator in layout.actuators)
+    ]
+    return PlateDrawing(
+        [round(float(value), DECIMALS) for value in box],
+        [_path(shape) for body, shape in bodies if not body.fixed],
+        [_path(shape) for body, shape in bodies if body.fixed],
+        [_path(hinge) for hinge in hinges],
+        [output.real, output.imag],
+        actuators,
+    )
+
+
+def _path(shape: Any) -> str:
+    """Return polygons as a path of SVG."""
+    parts = list[str]()
+    for polygon in shapely.get_parts(shape):
+        for ring in (polygon.exterior, *polygon.interiors):
+            points = shapely.get_coordinates(ring)[:-1]
+            text = " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in points)
+            parts.append(f"M{text}Z")
+    return "".join(parts)

@@ -1,0 +1,134 @@
+"""What a live page shows of a file: its numbers, the answers to changed ones, and what is wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from flexfem.files.provenance import assumptions_said
+from flexfem.files.toml import PathLike
+from flexfem.importing.drawings import is_drawing, load
+from flexfem.live.answers import PlateDrawing, Row, drawing_of, rows_by_model
+from flexfem.live.numbers import Slider, changed, save, sliders_of
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.refused import BadInput, ComputationFailed, line_of
+
+AROUND = 3  # lines of the file that are shown before and after one at fault
+
+
+class Fault(NamedTuple):
+    """What is wrong: a line of text, the number of the line at fault, and lines around it.
+
+    line : None where the fault is at no line of the file.   lines : with their numbers.
+    """
+
+    text: str
+    line: int | None
+    lines: list[tuple[int, str]]
+
+
+class LiveAnswer(NamedTuple):
+    """The answer to one set of numbers: drawing, key results, and how long they took, s."""
+
+    values: dict[str, float]
+    drawing: PlateDrawing
+    rows: list[Row]
+    doubts: list[str]
+    seconds: float
+
+
+class Session:
+    """One file: the mechanism as it is stored, the one that sliders have made, and the last answer.
+
+    `mechanism` is the changed one, and stays the last one that could be answered.
+    """
+
+    def __init__(self, path: PathLike, reading: Any) -> None:
+        self.path = Path(path)
+        self.reading = reading
+        self.stored: Mechanism
+        self.mechanism: Mechanism
+        self.answer: LiveAnswer
+        self.fault: Fault | None = None
+        self._read()
+
+    @property
+    def title(self) -> str:
+        """Name of the mechanism."""
+        return self.stored.name
+
+    @property
+    def can_save(self) -> bool:
+        """Whether numbers can be written into the file: a drawing has none."""
+        return not is_drawing(self.path)
+
+    @property
+    def sliders(self) -> list[Slider]:
+        """The numbers of the file that can be changed."""
+        return sliders_of(self.stored)
+
+    def stamp(self) -> Any:
+        """Return what changes when the file is written; None where there is no file."""
+        try:
+            status = self.path.stat()
+        except OSError:
+            return None
+        return status.st_mtime_ns, status.st_size
+
+    def reload(self) -> None:
+        """Read the file again. What is wrong with it becomes the fault; the answer then stays."""
+        try:
+            self._read()
+        except (BadInput, ComputationFailed) as refused:
+            self.fault = fault_of(refused, self.path)
+
+    def change(self, values: Mapping[str, float]) -> None:
+        """LiveAnswer other numbers. What is wrong with them becomes the fault; the answer then stays."""
+        try:
+            self._answer(changed(self.stored, values), values)
+        except (BadInput, ComputationFailed) as refused:
+            self.fault = fault_of(refused, None)
+
+    def save(self) -> list[str]:
+        """Write the numbers of the answer into the file; return the paths of the changed ones."""
+        if not self.can_save:
+            raise BadInput(
+                f"{self.path}: a drawing has no numbers, expected a mechanism file: flexfem import"
+            )
+        written = save(self.path, self.answer.values)
+        self.reload()
+        return written
+
+    def _read(self) -> None:
+        stored = load(self.path, self.reading)
+        values = {slider.path: slider.value for slider in sliders_of(stored)}
+        self._answer(stored, values)
+        self.stored = stored
+
+    def _answer(self, mechanism: Mechanism, values: Mapping[str, float]) -> None:
+        began = perf_counter()
+        drawing = drawing_of(mechanism.layout)
+        rows = rows_by_model(mechanism, "analytic")
+        doubts = assumptions_said(mechanism.assumed, mechanism.not_stated)
+        self.answer = LiveAnswer(dict(values), drawing, rows, doubts, perf_counter() - began)
+        self.mechanism = mechanism
+        self.fault = None
+
+
+def fault_of(refused: Exception, path: Path | None) -> Fault:
+    """Return what a refusal says, with the lines of the file around the one that it names."""
+    text = line_of(refused)
+    named = re.match(r".*?, line (\d+): ", text) if path is not None else None
+    if named is None or path is None:
+        return Fault(text, None, [])
+    line = int(named[1])
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return Fault(text, None, [])
+    first = max(line - AROUND, 1)
+    shown = list(enumerate(lines[first - 1 : line + AROUND], first))
+    return Fault(text, line, shown)
