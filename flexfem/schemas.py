@@ -33,7 +33,7 @@ from flexfem.paper.case import Case
 from flexfem.paper.fixture import Fixture, Measurement
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_file import Override
-from flexfem.questions.as_built import Necks
+from flexfem.questions.necks import Necks
 from flexfem.refused import BadInput
 from flexfem.results import DRAFT, Result
 from flexfem.study.plan import Study
