@@ -20,7 +20,7 @@ from pathlib import Path
 import ezdxf
 
 import flexfem
-from flexfem.cad import export
+from flexfem.cad.part import export
 from flexfem.importing.read import read_drawing
 
 LONGEST = 60.0  # s

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tables below
     from flexfem.baselines import baseline as baseline
     from flexfem.baselines import regression as regression
-    from flexfem.cad import export as export
+    from flexfem.cad.part import export as export
     from flexfem.design.run import run_design as run_design
     from flexfem.hinges.formulas import formulas as formulas
     from flexfem.hinges.formulas import register_formula as register_formula
@@ -97,7 +97,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
 __version__ = "0.1.0"
 
 MODULES = {  # module of each name of `__all__`
-    "export": "cad",
+    "export": "cad.part",
     "Reading": "importing.drawings",
     "import_drawing": "importing.drawings",
     "load": "importing.drawings",

@@ -112,7 +112,7 @@ def _check_size(name: str, motion: Any, mechanism: Any) -> None:
     if MEASURED.get(name) is not POSES or isinstance(motion, str):
         return
     size = extent(plate_polygon(mechanism.layout))
-    kind = type(mechanism).__name__.lower()
+    kind = mechanism.kind.removesuffix(" file")
     length = (size, f", the size of the {kind}", "um for micrometres")
     limits = (length, length, (1.0, "", "mrad for milliradians"))
     components = zip(np.atleast_1d(motion), limits, POSES, DIRECTIONS, strict=False)

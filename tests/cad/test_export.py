@@ -22,7 +22,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 import flexfem
-from flexfem import cad
+from flexfem.cad import step
 from flexfem.fem.mesher import gmsh_session
 from flexfem.fem.plate_mesh import plate_contours
 from flexfem.mechanism.outlines import area
@@ -338,7 +338,7 @@ def test_a_step_is_one_solid_in_millimetres_with_cylinders(stage, folder, metal)
 def test_a_solid_of_another_volume_is_refused(stage, tmp_path, volume, high, said):
     read = {"volumes": np.array([volume]), "box": np.array([[0, 0, 0], [0.1, 0.1, high]])}
     with (
-        patch.object(cad, "run_mesher", lambda *_: read),
+        patch.object(step, "run_mesher", lambda *_: read),
         pytest.raises(ComputationFailed, match=said),
     ):
         flexfem.export(stage, tmp_path / "part.step")
@@ -407,13 +407,13 @@ def test_a_hinge_by_table_is_exported_as_it_is(tmp_path, name, smooth):
     x, h = np.array(rows).T
     below = PchipInterpolator(x, h).integrate(0, 10) if smooth else np.trapezoid(h, x)
     expected = 2 * 12 * 8 + below
-    found = cad.export(mechanism, tmp_path / "plate.step")
+    found = flexfem.export(mechanism, tmp_path / "plate.step")
     assert found.area == pytest.approx(expected, rel=ARCS if smooth else REL)
     with gmsh_session() as gmsh:
         solids = gmsh.model.occ.importShapes(str(tmp_path / "plate.step"))
         assert [dim for dim, _ in solids] == [3]
         assert gmsh.model.occ.getMass(*solids[0]) == pytest.approx(6.5 * expected, rel=REL)
-    cad.export(mechanism, tmp_path / "plate.dxf")
+    flexfem.export(mechanism, tmp_path / "plate.dxf")
     (loop,) = chained(
         list(dxf_pieces(ezdxf.readfile(tmp_path / "plate.dxf").modelspace(), "METAL"))
     )

@@ -16,7 +16,7 @@ import pytest
 import shapely
 
 import flexfem as api
-from flexfem.cad import write_step
+from flexfem.cad.step import write_step
 from flexfem.fem.plate_mesh import plate_contours
 from flexfem.mechanism.contours import Part, cut_path
 from flexfem.mechanism.mechanism_file import read_mechanism

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 import flexfem
-from flexfem.cad import export
+from flexfem.cad.part import export
 from flexfem.fem.plate_mesh import plate_contours
 from flexfem.importing.read import read_drawing
 from flexfem.mechanism.outlines import area, polygon_points
