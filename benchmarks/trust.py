@@ -22,8 +22,9 @@ from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix
 from flexfem.questions.budget import thick_compliance
 from flexfem.refused import BadInput
-from flexfem.study.findings import Caption, Cells, StudyMap, factor, output
 from flexfem.study.loaded import load_study, mechanism_of, sample
+from flexfem.study.names import factor, output
+from flexfem.study.records import Caption, Cells, StudyMap
 
 STUDY = Path(__file__).parents[1] / "cases" / "study-trust.toml"
 LINES = (

@@ -28,9 +28,11 @@ from flexfem.results import Progress
 from flexfem.study import MOST_WORKERS, REPORTS, run
 from flexfem.study.answer import nominal, require_extra_numbers
 from flexfem.study.collect import RUN_AGAIN, Collected, collect, counted_warnings, read_table
-from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
+from flexfem.study.findings import findings
 from flexfem.study.loaded import load_study
+from flexfem.study.records import ParetoFront, Record, Refused
 from flexfem.study.run import Counts, Parts
+from flexfem.study.source import Source
 from flexfem.study.workers import workers_of
 
 

@@ -24,8 +24,9 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.results import versions
 from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs
-from flexfem.study.findings import axis_of, factor, non_dominated
+from flexfem.study.fronts import non_dominated
 from flexfem.study.loaded import mechanism_of
+from flexfem.study.names import axis_of, factor
 
 PLANE_ALONE = {
     *outputs.DRIVE_RANGES,

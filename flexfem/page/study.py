@@ -16,7 +16,7 @@ from flexfem.page.section import PageSection, facts, folded, notes, shown_figure
 from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import TextTable, thousands
-from flexfem.study import findings
+from flexfem.study import names, records, source
 from flexfem.study.factors import Factor
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.tables import limits_text
@@ -30,8 +30,8 @@ Part: TypeAlias = tuple[
 
 
 def study_parts(
-    source: findings.Source,
-    found: dict[str, findings.Record | findings.Refused],
+    source: source.Source,
+    found: dict[str, records.Record | records.Refused],
     status: dict[str, Any],
 ) -> list[Part]:
     """Return the sections of a study in order as functions, since drawing the figures takes a
@@ -48,10 +48,8 @@ def study_parts(
     return [*parts, ("settings of the study", partial(setup_section, source, status))]
 
 
-def _figure_section(
-    name: str, title: str, shown: findings.Record | findings.Refused
-) -> PageSection:
-    if isinstance(shown, findings.Refused):
+def _figure_section(name: str, title: str, shown: records.Record | records.Refused) -> PageSection:
+    if isinstance(shown, records.Refused):
         return PageSection(name, title, notes([f"This figure is not drawn: {shown.reason}"]))
     title = shown.caption.title
     numbers = shown.table
@@ -65,7 +63,7 @@ def _figure_section(
     names = sum(isinstance(value, str) for value in numbers.rows[0])
     head = [*numbers.head.values()]
     data = Markup("")
-    if isinstance(shown, findings.ParetoFront) and len(rows) > TEN:
+    if isinstance(shown, records.ParetoFront) and len(rows) > TEN:
         kept = [rows[k] for k in np.linspace(0, len(rows) - 1, TEN).round().astype(int)]
         data = table(
             TextTable(head, kept, names, "Ten designs of the front, from one end to the other")
@@ -84,7 +82,7 @@ def formatted(value: float) -> str:
     )
 
 
-def setup_section(source: findings.Source, status: dict[str, Any]) -> PageSection:
+def setup_section(source: source.Source, status: dict[str, Any]) -> PageSection:
     """Return the settings of a study and the counts of its designs; `status` is from
     `studies.study_status`.
     """
@@ -101,9 +99,9 @@ def setup_section(source: findings.Source, status: dict[str, Any]) -> PageSectio
     settings = {
         "study": f"{study.name} ({loaded.path.name})",
         "base stage": f"{loaded.base.name} ({study.stage})",
-        "model": findings.model_words(loaded),
-        "sample": f"{findings.sampling_words(loaded)}, {thousands(loaded.count)} designs",
-        "designs": findings.counted(counts),
+        "model": names.model_words(loaded),
+        "sample": f"{names.sampling_words(loaded)}, {thousands(loaded.count)} designs",
+        "designs": names.counted(counts),
         "accuracy of stresses": loaded.stress_accuracy,
         "hash of the inputs": loaded.hash,
     }
@@ -133,7 +131,7 @@ def factor_table(loaded: LoadedStudy) -> Markup:
     """Return the factors of a study with their values or distributions."""
     rows = list[list[str]]()
     for column in loaded.columns:
-        axis = findings.axis_of(loaded, column.name)
+        axis = names.axis_of(loaded, column.name)
         rows.append([axis.name, ", ".join(column.keys), axis.unit, spread_words(column.factor)])
     return Markup(table(TextTable(["factor", "keys", "unit", "values"], rows, 4, "Factors")))
 
@@ -165,12 +163,12 @@ def output_table(loaded: LoadedStudy) -> Markup:
     derived = {output.name: output.expression for output in loaded.study.output}
     rows = list[list[str]]()
     for name in (*loaded.outputs, *derived):
-        axis = findings.axis_of(loaded, name)
+        axis = names.axis_of(loaded, name)
         rows.append([axis.name, name, axis.unit, derived.get(name, "")])
     return Markup(table(TextTable(["output", "column", "unit", "expression"], rows, 4, "Outputs")))
 
 
-def constraint_table(source: findings.Source) -> Markup:
+def constraint_table(source: source.Source) -> Markup:
     """Return the constraints of a study; the table is empty in a study without any."""
     rows = [[each.title, each.value, each.expected] for each in source.loaded.study.constraint]
     return Markup(table(TextTable(["constraint", "expression", "limits"], rows, 3, "Constraints")))

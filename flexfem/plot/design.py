@@ -24,7 +24,7 @@ from flexfem.plot.plate import draw_plate
 from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import percent, significant
 from flexfem.refused import BadInput
-from flexfem.study.findings import Caption
+from flexfem.study.records import Caption
 
 LABEL_WIDTH = 1.5
 FONT_SIZE = 8.5  # of a requirement's name: in, points

@@ -14,7 +14,7 @@ from flexfem.plot import style
 from flexfem.plot.drawing import fit_to_one_scale
 from flexfem.plot.plate import draw_plate
 from flexfem.plot.style import below_header
-from flexfem.study.findings import Caption
+from flexfem.study.records import Caption
 
 WIDTH = 8.27  # in
 COLUMNS = 4  # drawings per row

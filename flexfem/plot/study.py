@@ -23,7 +23,7 @@ from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, panels
 from flexfem.plot.text import minus, significant
 from flexfem.plot.write import write_each
 from flexfem.results import SPACE, thousands
-from flexfem.study import findings
+from flexfem.study import records
 
 WIDTH = 8.27
 LABEL_WIDTH = 4.4  # in, of a page and of the label of an axis
@@ -50,7 +50,7 @@ PLUS: dict[str, Any] = {
 
 
 def write_study_figures(
-    found: Mapping[str, findings.Record | findings.Refused], folder: Path
+    found: Mapping[str, records.Record | records.Refused], folder: Path
 ) -> list[Path]:
     """Draw every figure of a study file that is not refused as PNG and PDF, under its name in a
     folder.
@@ -58,27 +58,27 @@ def write_study_figures(
     Returns the paths written. Raises BadInput when a file cannot be written.
     """
     records = {
-        name: record for name, record in found.items() if not isinstance(record, findings.Refused)
+        name: record for name, record in found.items() if not isinstance(record, records.Refused)
     }
     return write_each(
         {folder / f"{name}.png": partial(page_of, record) for name, record in records.items()}
     )
 
 
-def page_of(record: findings.Record) -> Figure:
+def page_of(record: records.Record) -> Figure:
     """Draw the page of one record."""
     kinds: dict[type, Callable[[Any], Figure]] = {
-        findings.StudyMap: map_figure,
-        findings.ParetoFront: pareto_figure,
+        records.StudyMap: map_figure,
+        records.ParetoFront: pareto_figure,
     }
-    kinds |= {findings.Sensitivity: sensitivity_figure, findings.Distribution: distribution_figure}
+    kinds |= {records.Sensitivity: sensitivity_figure, records.Distribution: distribution_figure}
     return kinds[type(record)](record)
 
 
 def name_axes(
     axes: Axes,
-    x: findings.AxisText,
-    y: findings.AxisText | None = None,
+    x: records.AxisText,
+    y: records.AxisText | None = None,
     better: Sequence[str] = ("", ""),
 ) -> None:
     """Set scales, labels and ticks of axes that hold all their data."""
@@ -97,14 +97,14 @@ def name_axes(
 
 
 @in_house_style
-def map_figure(shown: findings.StudyMap) -> Figure:
+def map_figure(shown: records.StudyMap) -> Figure:
     """Draw a map on a page."""
     plot = partial(plot_map, shown=shown)
     caption = shown.caption
     return style.page((WIDTH, 6.0), caption.title, caption.lines, plot, caption)
 
 
-def plot_map(ax: Axes, shown: findings.StudyMap) -> Axes:
+def plot_map(ax: Axes, shown: records.StudyMap) -> Axes:
     """Draw a value as colours over two factors: cells with labelled contours for a grid, else a dot
     per design.
 
@@ -159,7 +159,7 @@ def edges(ticks: Array, log: bool) -> Array:
     return np.asarray(np.exp(ends) if log else ends)
 
 
-def _draw_grid(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) -> list[Any]:
+def _draw_grid(axes: Axes, shown: records.StudyMap, colours: dict[str, Any]) -> list[Any]:
     """Draw a map as cells; return entries of the legend."""
     (xs, column), (ys, row) = (np.unique(v, return_inverse=True) for v in shown.cells.points.T)
     x_edges = edges(xs, shown.x.log)
@@ -186,7 +186,7 @@ def _draw_grid(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) ->
     return entries
 
 
-def _draw_dots(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) -> list[Any]:
+def _draw_dots(axes: Axes, shown: records.StudyMap, colours: dict[str, Any]) -> list[Any]:
     """Draw a map as one dot per design; return entries of the legend."""
     points, values, missing, *_ = shown.cells
     known = np.isfinite(values)
@@ -214,7 +214,7 @@ def _draw_contours(
     axes: Axes,
     grid: tuple[Array, Array, Any],
     norm: Normalize,
-    shown: findings.StudyMap,
+    shown: records.StudyMap,
     entries: list[Any],
 ) -> None:
     """Draw labelled contours of values on a grid (x, y, masked values), those at the marks heavier."""
@@ -251,7 +251,7 @@ def levels(norm: Normalize, marks: Sequence[float]) -> Array:
     return np.setdiff1d(np.asarray(locator.tick_values(norm.vmin, norm.vmax)), marks)
 
 
-def _draw_bar(axes: Axes, mappable: Any, shown: findings.StudyMap) -> None:
+def _draw_bar(axes: Axes, mappable: Any, shown: records.StudyMap) -> None:
     """Draw the colour bar with the marks."""
     axes.figure.colorbar(mappable, cax=axes).set_label(
         style.wrapped(shown.value.label, LABEL_WIDTH, 9.5)
@@ -268,7 +268,7 @@ def _draw_bar(axes: Axes, mappable: Any, shown: findings.StudyMap) -> None:
 
 
 @in_house_style
-def pareto_figure(shown: findings.ParetoFront) -> Figure:
+def pareto_figure(shown: records.ParetoFront) -> Figure:
     """Draw the Pareto front and, below it to one scale, the chosen designs."""
     columns = (
         [quantity for quantity, _ in shown.chosen[0].numbers[: 2 + MOST_FACTORS]]
@@ -286,7 +286,7 @@ def pareto_figure(shown: findings.ParetoFront) -> Figure:
     )
 
 
-def plot_front(ax: Axes, shown: findings.ParetoFront) -> Axes:
+def plot_front(ax: Axes, shown: records.ParetoFront) -> Axes:
     """Draw every design as a dot, the Pareto front as a line, and the letters of the chosen
     designs; return `ax`.
     """
@@ -335,7 +335,7 @@ def plot_front(ax: Axes, shown: findings.ParetoFront) -> Axes:
 
 
 @in_house_style
-def distribution_figure(shown: findings.Distribution) -> Figure:
+def distribution_figure(shown: records.Distribution) -> Figure:
     """Draw a histogram for every value, with its percentiles, their confidence intervals and the
     nominal value.
     """
@@ -350,7 +350,7 @@ def distribution_figure(shown: findings.Distribution) -> Figure:
     return figure
 
 
-def plot_histogram(ax: Axes, scatter: findings.Scatter) -> Axes:
+def plot_histogram(ax: Axes, scatter: records.Scatter) -> Axes:
     """Draw a histogram of one value with its percentiles and their legend; return `ax`."""
     values = scatter.values
     quantity = scatter.quantity._replace(log=scatter.quantity.log and bool(values.min() > 0))
@@ -398,7 +398,7 @@ def histogram(values: Array) -> tuple[Array, Array]:
     return counts.astype(np.float64), np.asarray(borders, dtype=np.float64)
 
 
-def _percentile_text(percentile: findings.Percentile, after: str) -> str:
+def _percentile_text(percentile: records.Percentile, after: str) -> str:
     """Format a percentile with its confidence interval."""
     low, high = (
         significant(end, DIGITS) if np.isfinite(end) else ""
@@ -415,7 +415,7 @@ def _percentile_text(percentile: findings.Percentile, after: str) -> str:
 
 
 @in_house_style
-def sensitivity_figure(shown: findings.Sensitivity) -> Figure:
+def sensitivity_figure(shown: records.Sensitivity) -> Figure:
     """Draw first-order and total Sobol indices of every factor, in the order of the study file, one
     panel per value.
     """
@@ -435,7 +435,7 @@ def sensitivity_figure(shown: findings.Sensitivity) -> Figure:
     return figure
 
 
-def plot_shares(ax: Axes, share: findings.Share, factors: Sequence[str]) -> Axes:
+def plot_shares(ax: Axes, share: records.Share, factors: Sequence[str]) -> Axes:
     """Draw the Sobol indices of one value as bars with error bars, one row per factor; return `ax`."""
     rows = np.arange(float(len(share.first)))
     look: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.5, "zorder": 2}

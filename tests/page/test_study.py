@@ -13,8 +13,9 @@ from markupsafe import Markup
 from flexfem.page.section import html_of
 from flexfem.page.study import study_parts
 from flexfem.studies import run_study
-from flexfem.study.findings import Source, findings
+from flexfem.study.findings import findings
 from flexfem.study.loaded import LoadedStudy, base_factor_values
+from flexfem.study.source import Source
 
 from ..study.answered import answered, head, study
 

@@ -18,7 +18,7 @@ import flexfem
 from flexfem.paper.fixture import MeasuredSlopes, Measurement
 from flexfem.questions.check import hinge_review, thickness_review
 from flexfem.results import Result
-from flexfem.study.findings import (
+from flexfem.study.records import (
     AxisText,
     Caption,
     Cells,

@@ -25,7 +25,12 @@ from flexfem.refused import BadInput
 from flexfem.results import SPACE
 from flexfem.study.answer import nominal
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import (
+from flexfem.study.findings import findings
+from flexfem.study.fronts import front_of
+from flexfem.study.loaded import LoadedStudy, base_factor_values, sample
+from flexfem.study.maps import map_of
+from flexfem.study.names import asked, output
+from flexfem.study.records import (
     AxisText,
     Caption,
     Cells,
@@ -36,15 +41,9 @@ from flexfem.study.findings import (
     Scatter,
     Sensitivity,
     Share,
-    Source,
     StudyMap,
-    asked,
-    findings,
-    front_of,
-    map_of,
-    output,
 )
-from flexfem.study.loaded import LoadedStudy, base_factor_values, sample
+from flexfem.study.source import Source
 
 from ..study.answered import answered, head, study
 

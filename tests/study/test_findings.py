@@ -12,18 +12,13 @@ from scipy.stats import binom, norm
 import flexfem.study.findings
 from flexfem.studies import facts_of
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import (
-    Distribution,
-    ParetoFront,
-    Refused,
-    Source,
-    StudyMap,
-    cells_of,
-    findings,
-    percentiles,
-)
+from flexfem.study.findings import findings
 from flexfem.study.judge import judge
 from flexfem.study.loaded import LoadedStudy, sample
+from flexfem.study.maps import cells_of
+from flexfem.study.records import Distribution, ParetoFront, Refused, StudyMap
+from flexfem.study.source import Source
+from flexfem.study.statistics import percentiles
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
 THICKNESS = 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0'

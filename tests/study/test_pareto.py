@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from flexfem.study.findings import drawable_front, non_dominated, spread
+from flexfem.study.fronts import drawable_front, non_dominated, spread
 
 SIDES = st.tuples(st.booleans(), st.booleans())
 POINTS = hnp.arrays(

@@ -9,8 +9,10 @@ import pytest
 
 from flexfem.refused import BadInput
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import Source, first_order, sensitivity
+from flexfem.study.findings import sensitivity
 from flexfem.study.loaded import LoadedStudy, sample
+from flexfem.study.source import Source
+from flexfem.study.statistics import first_order
 
 SALTELLI = 'method = "saltelli"\nbase = {}\nseed = 5'
 UNIT = 'key = "{}"\ndistribution = "uniform"\nlower = 1.0\nupper = 2.0'
