@@ -41,8 +41,8 @@ from flexfem.study.workers import (
 ABOUT = b"flexfem.study"  # key of the metadata of a part: the study and its versions
 # key of the metadata of a part: its first design, the first one after it, digests by column
 SEAL = b"flexfem.seal"
-DIGEST_BYTES = 16
-NAMED = 3  # of a digest; most changed columns that are named
+DIGEST_BYTES = 16  # of a digest
+NAMED = 3  # most changed columns that are named
 TEXTS = ["status", "reason"]
 PARQUET: Mapping[str, Any] = {
     "compression": "zstd",
@@ -55,8 +55,8 @@ PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
 RETRIED = ("time limit", "crashed", "failed")  # statuses that may change in another run
 PARTS = "parts"  # folder, in the folder of a study
 FILE = "study.json"  # in the folder of a study: the path of its study file
-ANALYTIC_LIMIT = 600.0
-SLACK = 10.0  # s: for a part of analytic designs; added to the time limit of a meshed design
+ANALYTIC_LIMIT = 600.0  # s, for a part of analytic designs
+SLACK = 10.0  # s, added to the time limit of a meshed design
 OLD = 3600.0  # s: age at which the temporary file of a killed run is removed
 WHOLE = slice(None)
 Counts: TypeAlias = Counter[tuple[str, str]]  # designs by status and kind of reason
@@ -94,9 +94,9 @@ class Parts:
             "name": loaded.study.name,
             "hash": loaded.hash,
             "versions": self.versions,
+            "stress_accuracy": loaded.stress_accuracy,
+            **loaded.assumptions._asdict(),
         }
-        about |= {"stress_accuracy": loaded.stress_accuracy}
-        about |= loaded.assumptions._asdict()
         return pa.schema(fields, metadata={ABOUT: json.dumps(about, sort_keys=True).encode()})
 
     @property
@@ -125,12 +125,10 @@ class Parts:
         found = dict[str, str]()
         for name in table.column_names:
             column = table[name]
-            text = pa.types.is_string(column.type)
-            rows = (
-                json.dumps(column.to_pylist()).encode()
-                if text
-                else np.ascontiguousarray(column.to_numpy()).tobytes()
-            )
+            if pa.types.is_string(column.type):
+                rows = json.dumps(column.to_pylist()).encode()
+            else:
+                rows = np.ascontiguousarray(column.to_numpy()).tobytes()
             content = hashlib.blake2b(self._inputs(chunk), digest_size=DIGEST_BYTES)
             content.update(f" {name} ".encode())
             content.update(rows)
@@ -221,11 +219,12 @@ def _fault(parts: Parts, chunk: range, schema: Any, rows: int, table: Any) -> st
         )
     if rows != len(chunk):
         return f"a part with {rows} rows, expected {len(chunk)}"
-    changed = [
-        name for name, digest in parts.digests(chunk, table).items() if digests.get(name) != digest
-    ]
+    found = parts.digests(chunk, table)
+    changed = [name for name, digest in found.items() if digests.get(name) != digest]
+    if not changed:
+        return ""
     more = f" and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
-    return f"a part that was changed in {', '.join(changed[:NAMED])}{more}" if changed else ""
+    return f"a part that was changed in {', '.join(changed[:NAMED])}{more}"
 
 
 def counts_of(table: Any) -> Counts:
@@ -240,9 +239,9 @@ def kind_of(reason: str) -> str:
     every number.
     """
     name, separator, _ = reason.partition(" = ")
-    return (
-        name if separator or not reason else re.sub(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", "...", reason)
-    )
+    if separator:
+        return name
+    return re.sub(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", "...", reason)
 
 
 class Survey(NamedTuple):
@@ -288,6 +287,19 @@ def survey(parts: Parts, shard: slice = WHOLE, whole: bool = False) -> Survey:
     )
 
 
+class Task(NamedTuple):
+    """Arguments of `solve_task`: a piece of the designs of a chunk.
+
+    write : whether the worker writes the part and returns its counts, or returns the table.
+    """
+
+    solve: Solve
+    parts: Parts
+    chunk: range
+    piece: range
+    write: bool
+
+
 def run_parts(
     parts: Parts,
     workers: Workers | ExecutorWorkers,
@@ -317,8 +329,6 @@ def run_parts(
     ComputationFailed : workers cannot start. Written parts are kept.
     """
     found = survey(parts, shard, whole=True)
-    chunks = parts.chunks(shard)
-    began = time.monotonic()
     for fault in found.damaged.values():
         say(f"{fault}; computed again")
     if found.stale:
@@ -326,85 +336,121 @@ def run_parts(
             f"{len(found.stale):,} parts of other inputs or versions in {parts.folder}: see "
             "flexfem study clean"
         )
-    failed = (
-        chunk
-        for chunk, counts in found.counts.items()
-        if any(status in RETRIED for status, _ in counts)
-    )
-    again = {*found.damaged, *(failed if retry else ())}
-    todo = deque((chunk, chunk) for chunk in chunks if chunk not in found.counts or chunk in again)
-    todo.rotate(
-        random.randrange(len(todo) or 1)
-    )  # runs in the same folder start with different parts
-    counts: Counts = sum((n for chunk, n in found.counts.items() if chunk not in again), Counter())
-    designs = sum(map(len, chunks))
-    known = counts.total()
-    pieces = defaultdict[range, list[Any]](list)
-    if todo:
-        content: dict[str, Any] = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
-        content |= {"hash": parts.loaded.hash, "changes": stored_changes(parts)}
-        if content["changes"] is None:
-            with suppress(
-                Exception
-            ):  # whatever a formula of the user raises is the reason of a design
-                content["changes"] = changed_outputs(parts.loaded)
-        write_atomically(
-            parts.folder.parent / FILE,
-            lambda file: file.write(json.dumps(content).encode()),
-            again=True,
-        )
-
-    def next_task() -> tuple[Any, ...] | None:
-        while todo:
-            chunk, piece = todo.popleft()
-            whole = workers.here and piece == chunk
-            if piece != chunk or chunk in again:
-                return solve, parts, chunk, piece, whole
-            try:
-                counts.update(
-                    counts_of(read_part(parts, chunk, TEXTS))
-                )  # written by another run since
-            except (FileNotFoundError, BadInput):
-                return solve, parts, chunk, piece, whole
-        return None
-
-    def limit(task: tuple[Any, ...]) -> float:
-        study = parts.loaded.study
-        return (
-            ANALYTIC_LIMIT
-            if study.model == "analytic"
-            else len(task[3]) * (study.time_limit + SLACK)
-        )
-
+    run = _Run(parts, solve, workers.here, found, parts.chunks(shard), retry)
+    known = run.counts.total()
+    if run.todo:
+        _write_facts(parts)
     try:
-        say(progress_line(counts, designs, 0.0))
-        for (_, _, chunk, piece, _), result in workers.results(solve_task, next_task, limit):
-            if isinstance(result, Failure) and len(piece) > 1:  # bisect to find the design at fault
-                middle = len(piece) // 2
-                todo.extendleft((chunk, half) for half in (piece[middle:], piece[:middle]))
-                continue
-            if isinstance(result, Failure):
-                result = table_of(
-                    parts, piece, row_of(*result, np.full(len(parts.loaded.outputs), np.nan))
-                )
-            if isinstance(result, pa.Table):
-                pieces[chunk].append(result)
-                if sum(map(len, pieces[chunk])) < len(chunk):
-                    continue
-                result = write_part(
-                    parts, chunk, pa.concat_tables(pieces.pop(chunk)).sort_by("design")
-                )
-            counts.update(result)
-            say(
-                progress_line(
-                    counts, designs, (counts.total() - known) / (time.monotonic() - began)
-                )
-            )
+        say(run.progress())
+        for task, result in workers.results(solve_task, run.next_task, _limit):
+            if run.take(task, result):
+                say(run.progress())
     except KeyboardInterrupt as stop:
-        kept = f"{counts.total():,} of {designs:,} designs are kept in {parts.folder}"
+        kept = f"{run.counts.total():,} of {run.designs:,} designs are kept in {parts.folder}"
         stop.add_note(f"stopped; {kept}; the same command continues the run")
         raise
     return known
+
+
+class _Run:
+    """State of a run: chunks to compute, pieces of chunks that are computed, and counts of designs."""
+
+    def __init__(
+        self,
+        parts: Parts,
+        solve: Solve,
+        write: bool,
+        found: Survey,
+        chunks: list[range],
+        retry: bool,
+    ) -> None:
+        self.parts = parts
+        self.solve = solve
+        self.write = write
+        self.again = {*found.damaged}
+        if retry:
+            self.again |= {chunk for chunk, counts in found.counts.items() if _failed(counts)}
+        kept = {chunk: counts for chunk, counts in found.counts.items() if chunk not in self.again}
+        self.todo = deque((chunk, chunk) for chunk in chunks if chunk not in kept)
+        # runs in the same folder start with different parts
+        self.todo.rotate(random.randrange(len(self.todo) or 1))
+        self.counts: Counts = sum(kept.values(), Counter())
+        self.designs = sum(map(len, chunks))
+        self.pieces = defaultdict[range, list[Any]](list)
+        self._known = self.counts.total()
+        self._began = time.monotonic()
+
+    def next_task(self) -> Task | None:
+        """Return the next task, None where no chunk is left."""
+        while self.todo:
+            chunk, piece = self.todo.popleft()
+            whole = piece == chunk
+            if whole and chunk not in self.again and self._is_written(chunk):
+                continue
+            return Task(self.solve, self.parts, chunk, piece, self.write and whole)
+        return None
+
+    def _is_written(self, chunk: range) -> bool:
+        """Count the designs of a chunk that another run has written since."""
+        try:
+            self.counts.update(counts_of(read_part(self.parts, chunk, TEXTS)))
+        except (FileNotFoundError, BadInput):
+            return False
+        return True
+
+    def take(self, task: Task, result: Any) -> bool:
+        """Take the result of a task; return whether a chunk is complete."""
+        if isinstance(result, Failure):
+            if len(task.piece) > 1:  # bisect to find the design at fault
+                middle = len(task.piece) // 2
+                halves = (task.piece[middle:], task.piece[:middle])
+                self.todo.extendleft((task.chunk, half) for half in halves)
+                return False
+            nothing = np.full(len(self.parts.loaded.outputs), np.nan)
+            result = table_of(self.parts, task.piece, row_of(*result, nothing))
+        if isinstance(result, pa.Table):
+            pieces = self.pieces[task.chunk]
+            pieces.append(result)
+            if sum(map(len, pieces)) < len(task.chunk):
+                return False
+            del self.pieces[task.chunk]
+            result = write_part(self.parts, task.chunk, pa.concat_tables(pieces).sort_by("design"))
+        self.counts.update(result)
+        return True
+
+    def progress(self) -> str:
+        """Return one line on the progress."""
+        computed = self.counts.total() - self._known
+        rate = computed / (time.monotonic() - self._began) if computed else 0.0
+        return progress_line(self.counts, self.designs, rate)
+
+
+def _failed(counts: Counts) -> bool:
+    """Return whether designs ran out of time, crashed or failed."""
+    return any(status in RETRIED for status, _ in counts)
+
+
+def _limit(task: Task) -> float:
+    """Return the seconds that a task may take."""
+    study = task.parts.loaded.study
+    if study.model == "analytic":
+        return ANALYTIC_LIMIT
+    return len(task.piece) * (study.time_limit + SLACK)
+
+
+def _write_facts(parts: Parts) -> None:
+    """Write what is known of a study before it is computed: its file, and effects of its factors."""
+    content: dict[str, Any] = {
+        "study": os.path.relpath(parts.loaded.path, parts.folder.parent),
+        "hash": parts.loaded.hash,
+        "changes": stored_changes(parts),
+    }
+    if content["changes"] is None:
+        # whatever a formula of the user raises is the reason of a design
+        with suppress(Exception):
+            content["changes"] = changed_outputs(parts.loaded)
+    text = json.dumps(content).encode()
+    write_atomically(parts.folder.parent / FILE, lambda file: file.write(text), again=True)
 
 
 def stored_changes(parts: Parts) -> dict[str, list[str]] | None:
@@ -431,16 +477,12 @@ def progress_line(counts: Counts, designs: int, rate: float) -> str:
     """
     done = counts.total()
     failed = sum(n for (status, _), n in counts.items() if status in RETRIED)
-    minutes, s = divmod(round((designs - done) / rate), 60) if rate > 0 else (0, 0)
-    left = (
-        f"{minutes // 60} h {minutes % 60:02d} min {s:02d} s left"
-        if rate > 0
-        else "waiting for the first"
-    )
-    return (
-        f"{done:,}/{designs:,} designs, {rate:,.{0 if rate > 10 else 2}f}/s, {left}, {failed:,} "
-        "failed"
-    )
+    left = "waiting for the first"
+    if rate > 0:
+        minutes, s = divmod(round((designs - done) / rate), 60)
+        left = f"{minutes // 60} h {minutes % 60:02d} min {s:02d} s left"
+    digits = 0 if rate > 10 else 2
+    return f"{done:,}/{designs:,} designs, {rate:,.{digits}f}/s, {left}, {failed:,} failed"
 
 
 def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
@@ -453,16 +495,17 @@ def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
 
 
 def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range, write: bool) -> Any:
-    """In a worker, solve a piece of a chunk: with `write` write the part and return its counts,
-    else return its table; return a `Failure` where solving raises an error."""
+    """In a worker, solve a task: with `write` write the part and return its counts, else return the
+    table of its designs; return a `Failure` where solving raises an error.
+    """
     require_same_versions(parts.versions)
     try:
         rows = solve(parts.loaded, piece.start, piece.stop)
     except Exception as error:
-        kind = (
-            "" if isinstance(error, BadInput | ComputationFailed) else f"{type(error).__name__}: "
-        )
-        return Failure("failed", kind + " ".join(str(error).split()))
+        text = " ".join(str(error).split())
+        if not isinstance(error, BadInput | ComputationFailed):
+            text = f"{type(error).__name__}: {text}"
+        return Failure("failed", text)
     table = table_of(parts, piece, rows)
     return write_part(parts, chunk, table) if write else table
 

@@ -54,8 +54,17 @@ class Failure(NamedTuple):
     reason: str
 
 
+OVERDUE = "time limit"  # status of a task that takes too long
 CRASHED = Failure("crashed", "the worker died")
 _ALONE = threading.Lock()
+
+
+class _Running(NamedTuple):
+    """A task in a process, and the time at which it is overdue, s."""
+
+    process: Any
+    task: tuple[Any, ...]
+    end: float
 
 
 class Workers:
@@ -67,7 +76,9 @@ class Workers:
     here = True
 
     def __init__(self, count: int) -> None:
-        self._count, self._idle, self._ready = count, list[Any](), False
+        self._count = count
+        self._idle = list[Any]()
+        self._ready = False
 
     def __enter__(self) -> Workers:
         return self
@@ -100,36 +111,25 @@ class Workers:
         -----
         A task whose process dies is repeated once, because the process may have been killed from
         outside."""
-        running: dict[Future[Any], tuple[Any, tuple[Any, ...], float]] = {}
+        running: dict[Future[Any], _Running] = {}
         again = deque[tuple[Any, ...]]()
         repeated = list[tuple[Any, ...]]()
         try:
             while True:
-                while (
-                    len(running) < self._count
-                    and (task := again.popleft() if again else next_task()) is not None
-                ):
+                while len(running) < self._count:
+                    task = again.popleft() if again else next_task()
+                    if task is None:
+                        break
                     process = self._idle.pop() if self._idle else self._started()
-                    running[_submitted(process, function, task)] = (
-                        process,
-                        task,
-                        time.monotonic() + limit(task),
-                    )
+                    end = time.monotonic() + limit(task)
+                    running[_submitted(process, function, task)] = _Running(process, task, end)
                 if not running:
                     return
-                done = wait(running, POLL, FIRST_COMPLETED).done
-                late = {
-                    future for future, (*_, end) in running.items() if time.monotonic() > end
-                } - done
-                for future in (*done, *late):
+                for future in _finished(running):
                     process, task, _ = running[future]
-                    overdue = Failure("time limit", f"no result in {limit(task):g} s")
-                    result = overdue if future in late else _result(future)
+                    result = _result(future) if future.done() else _overdue(limit(task))
                     del running[future]
-                    if result is overdue or result is CRASHED:
-                        _end(process)
-                    else:
-                        self._idle.append(process)
+                    self._release(process, result)
                     if result is CRASHED and not any(task is each for each in repeated):
                         again.append(task)
                         repeated.append(task)
@@ -138,6 +138,13 @@ class Workers:
         finally:
             for process, *_ in running.values():
                 _end(process)
+
+    def _release(self, process: Any, result: Any) -> None:
+        """Keep the process of a result for another task, or end it where the task did not end."""
+        if isinstance(result, Failure) and result.status in (CRASHED.status, OVERDUE):
+            _end(process)
+        else:
+            self._idle.append(process)
 
     def _started(self) -> Any:
         """Start a process as a pool of its own, so that its end stops no other; wait until the
@@ -192,7 +199,10 @@ class ExecutorWorkers:
         silent = 0.0  # s, counted in polls: a pause of this process is no silence of the executor
         try:
             while True:
-                while len(running) < SUBMITTED and (task := next_task()) is not None:
+                while len(running) < SUBMITTED:
+                    task = next_task()
+                    if task is None:
+                        break
                     running[self._submitted(versions, function, task)] = task
                 if not running:
                     return
@@ -217,6 +227,18 @@ class ExecutorWorkers:
             return self._executor.submit(compute_alone, versions, function, *task)
         except (BrokenExecutor, OSError, RuntimeError) as error:
             raise ComputationFailed(f"the executor takes no tasks: {_line(error)}") from None
+
+
+def _finished(running: Mapping[Future[Any], _Running]) -> list[Future[Any]]:
+    """Wait a moment; return the tasks with a result, then those that are overdue."""
+    done = wait(running, POLL, FIRST_COMPLETED).done
+    now = time.monotonic()
+    late = [future for future, task in running.items() if now > task.end and future not in done]
+    return [*done, *late]
+
+
+def _overdue(seconds: float) -> Failure:
+    return Failure(OVERDUE, f"no result in {seconds:g} s")
 
 
 def _executed(future: Future[Any]) -> Any:
