@@ -229,9 +229,9 @@ def test_the_gain_is_over_the_base_stage_at_no_less_reach_and_no_larger_envelope
         envelope_mm=np.array([100.0, 0, 99.0, 98.0, 101.0, 97.0, 96.0]),
     )
     neck = table.columns["hinges.base.neck_mm"][5]  # the best cannot be drawn
-    drawable = flexfem.study.findings.drawable
+    drawable = loaded.family.drawable
     monkeypatch.setattr(
-        flexfem.study.findings, "drawable", lambda of, v: None if v[0] == neck else drawable(of, v)
+        loaded.family, "drawable", lambda values: None if values[0] == neck else drawable(values)
     )
     base = {"range_x_um": 30.0, "kxx_n_per_mm": 2.0, "envelope_mm": 100.0}
     (found,) = found_in(loaded, table, base)
