@@ -36,6 +36,7 @@ ANSWERS: dict[str, str] = {
     "drive": "drive",
     "family": "study",
     "gravity": "gravity",
+    "large": "large",
     "life": "life",
     "reach": "reach",
     "stored_compliance": "baseline",

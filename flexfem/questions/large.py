@@ -1,19 +1,13 @@
-"""Effect of large displacements on a stage, and of the second-order terms of (16).
+"""Large displacements of a mechanism, with finite rotations: beams and plane finite elements.
 
-The load that holds the platform at a pose is computed by integrating the stiffness (16) of the
-displaced stage along the path, without and with its second-order terms, by exact equilibrium of the
-pseudo-rigid stage, and by nonlinear finite elements. Each is compared with its own linear solution,
-so that the error of the hinge formulas cancels.
-
-A mechanism is driven along one direction, or is under growing dead loads, with finite rotations:
-beams and plane finite elements. Driven, the whole curve of force against displacement is followed,
-also where it is not stable."""
+Its output is driven along one direction, or is under growing dead loads. Driven, the whole curve of
+force against displacement is followed, also where it is not stable."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -21,151 +15,30 @@ from flexfem import arguments
 from flexfem.analytic.finite import displaced
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
-from flexfem.fem.nonlinear import equilibria, equilibrium, imposed
-from flexfem.fem.response import Response
+from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.paper.equations import PaperModel, stiffness
-from flexfem.paper.equilibrium import at_pose, axis_poses, linear_errors, outwards, summed_loads
-from flexfem.paper.fields import neck_stresses
-from flexfem.paper.model import DEFAULT_FORMULA, analyse, assemble
-from flexfem.paper.stage import Stage
-from flexfem.paper.stage_mesh import plate_of
-from flexfem.questions import warnings as warning
-from flexfem.questions.bands import corner_bands, levels, percentages
+from flexfem.questions.bands import corner_bands, levels
 from flexfem.questions.curve import NUMBERS, Traced, by_beams, by_elements, numbers_of
-from flexfem.questions.plates import ON_MESHES, PEAK, model_of
-from flexfem.questions.plates import solved as solved_plate
-from flexfem.questions.setup import (
-    Mesh,
-    about,
-    answer,
-    for_mechanisms,
-    mesh_of,
-    meshed,
-    on_meshes,
-    solved,
-)
+from flexfem.questions.plates import ON_MESHES, PEAK, model_of, solved
+from flexfem.questions.setup import Mesh, answer, mesh_of, on_meshes, options
 from flexfem.refused import BadInput
-from flexfem.results import SOLVED, Gate, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, PLANES, UNITS, Direction, in_unit
+from flexfem.results import ELEMENTS, SOLVED, Progress, Quantity, Result
+from flexfem.units import DIRECTIONS, UNITS, Direction, in_unit
 
 AMPLITUDE = 0.5  # mm: ten times the workspace that examples/claims.py assumes
-ROTATION = 0.02  # rad of rotation per mm of translation: 10 mrad with 500 um
-RESOLUTION = (
-    4  # with 8, compliances change by up to 0.09 % and the percentages here by 2.2e-4 points
-)
-STEPS = 20  # commands on either side of rest
-ELEMENT_STEPS = np.array(
-    [-20, -14, -8, -2, 0, 2, 8, 14, 20]
-)  # steps at which finite elements are solved
-STATED = np.array(
-    [-20, -2, 2, 20]
-)  # steps at which numbers are stated: a tenth of the amplitude and all of it
-ROUND_OFF = (
-    1e-12  # of the largest eigenvalue of a compliance, where motions of ports depend on each other
-)
-SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
-AMPLITUDES = (
-    1e-9,
-    1e3,
-)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
-WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
-THEORIES = (
-    "(16) without second-order terms",
-    "(16)",
-    "exact",
-    "finite elements",
-    "finite elements, same load",
-)
+RESOLUTION = 4  # with 8, compliances of a stage change by up to 0.09 %
+# of the largest eigenvalue of a compliance, where motions of ports depend on each other
+ROUND_OFF = 1e-12
 UNSTABLE = "an equilibrium is not stable under dead loads"
-SHARES = (0.25, 0.5, 0.75, 1.0)  # of the load on a mechanism
+SHARES = (0.25, 0.5, 0.75, 1.0)  # of the load, or of the displacement
 LINEAR = "linear"
 BEAMS = "beams"
-ELEMENTS = "finite elements"  # theories of a mechanism
-PERCENT = Gate(
-    1e-9, absolute=2e-3
-)  # percentage points by which finite elements change with their mesh
 
 
 class Large(Result):
-    """Change of the tangent stiffness and errors of the linear position at large displacements, in
-    per cent.
-    """
+    """Displacement of the output, linear and with finite rotations by both models."""
 
-    title = "large displacements"
-    main = ("position", {})
-    labels: ClassVar = {
-        "theory": THEORIES,
-        "at": tuple(f"{5 * k:+d} %" for k in STATED),
-        "share": tuple(f"{5 * k:+d} %" for k in range(-STEPS, STEPS + 1)),
-        "within": ("a tenth of the amplitudes", "the amplitudes"),
-    }
-    columns = ("theory",)
-    figure = "paper.figures.large.large_figure"
-    reading = (
-        "each theory is compared with its own linear solution; position error: linear position "
-        "under the load that holds the stage at the command, minus the command, in % of the "
-        "command; across: the larger error of the other two directions, rotations multiplied by "
-        "the lever; at: command in % of the amplitude",
-    )
-    amplitude = Quantity("amplitude", ("mm", "mm", "rad"), ("direction",))
-    stiffness = Quantity(
-        "change of the tangent stiffness", "percent", ("direction", "at", "theory"), PERCENT
-    )
-    error = Quantity(
-        "error of the linear position along", "percent", ("direction", "at", "theory"), PERCENT
-    )
-    aside = Quantity(
-        "error of the linear position across",
-        "percent",
-        ("direction", "at", "theory"),
-        PERCENT,
-        "all",
-    )
-    position = Quantity(
-        "largest error of the linear position, all poses", "percent", ("within",), PERCENT
-    )
-    terms = Quantity(
-        "change of the tangent compliance by second-order terms", "percent", ("within",), PERCENT
-    )
-    tangent = Quantity(
-        "change of the tangent stiffness",
-        "percent",
-        ("direction", "share", "theory"),
-        PERCENT,
-        shown=False,
-    )
-    errors = Quantity(
-        "error of the linear position",
-        "percent",
-        ("direction", "share", "theory", "component"),
-        PERCENT,
-        shown=False,
-    )
-    load = Quantity(
-        "load that holds the platform",
-        ("n", "n", "n_mm"),
-        ("direction", "share", "theory", "component"),
-        Gate(1.5e-5),
-        "wrench",
-        shown=False,
-    )
-    strain = Quantity(
-        "largest strain of finite elements",
-        "",
-        ("direction", "share"),
-        Gate(5e-3),
-        "all",
-        shown=False,
-    )
-
-
-class MechanismLarge(Result):
-    """Displacement of the output under growing dead loads: linear, and with finite rotations by
-    both models.
-    """
-
+    kind_name = "mechanism_large"
     title = "large displacements"
     main = ("pose", {"load": "100 %"})
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in SHARES)}
@@ -243,9 +116,9 @@ class MechanismLarge(Result):
     )
 
 
-@for_mechanisms(Large, MechanismLarge, only_for="force along")
+@options()
 def large(
-    stage: Mechanism,
+    mechanism: Mechanism,
     *,
     amplitude: float | str = AMPLITUDE,
     along: Direction | None = None,
@@ -253,7 +126,7 @@ def large(
     models: Literal["both", "analytic"] = "both",
     resolution: int | None = None,
     progress: Progress | None = None,
-) -> Large | MechanismLarge:
+) -> Large:
     """Change of the tangent stiffness and error of the linear position of a stage or mechanism at
     large displacements.
 
@@ -279,9 +152,9 @@ def large(
 
     Returns
     -------
-    Large | MechanismLarge
+    Large
         Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
-        large` lists it.
+        mechanism_large` lists it. Of a stage file a result of kind `large`.
 
     Raises
     ------
@@ -297,76 +170,13 @@ def large(
     >>> round(float(found.at("error", direction="x", at="+100 %", theory="exact")), 3)  # per cent
     0.36
     """
-    mesh = mesh_of(
-        stage,
-        models,
-        resolution,
-        None,
-        4 if isinstance(stage, MechanismFile) else 2,
-        usual=RESOLUTION,
-    )
-    if isinstance(stage, MechanismFile):
-        return _of_mechanism(stage, force, amplitude, along, mesh, progress)
-    if isinstance(amplitude, str):
-        amplitude = _length(amplitude)
-    largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array(
-        [1.0, 1.0, ROTATION]
-    )
-    model = analyse(stage)
-    paper = assemble(stage)
-    lever = stage.chain.link_lengths[2]
-    elements = None if mesh is None else solved(stage, mesh.resolution)
-    warnings = warning.of_result(stage, model)
-    if elements is not None:
-        for direction, load in zip(
-            DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(largest)).T, strict=True
-        ):
-            highest = float(np.max(neck_stresses(stage, elements, load[None]).highest))
-            warnings += warning.of_yield(
-                highest, stage.material.yield_strength, f"largest command in {direction}"
-            )
-    boxes = [linear_errors(paper, share * largest, lever) for share in (STATED[2] / STEPS, 1.0)]
-    paths = []
-    for axis, direction in enumerate(DIRECTIONS):
-        paths.append(_path(stage, paper, elements, axis, largest[axis]))
-        if progress is not None:
-            progress(f"along {direction}")
-    values: dict[str, Any] = {name: np.array([path[name] for path in paths]) for name in paths[0]}
-    errors = values["errors"][:, STEPS + STATED]
-    across = np.array([np.delete(part, axis, axis=-1) for axis, part in enumerate(errors)])
-    widest = np.argmax(np.abs(np.nan_to_num(across)), axis=-1)[..., None]
-    values |= {
-        "amplitude": largest,
-        "stiffness": values["tangent"][:, STEPS + STATED],
-        "error": np.array([part[..., axis] for axis, part in enumerate(errors)]),
-        "aside": np.take_along_axis(across, widest, axis=-1)[..., 0],
-        "position": [100 * float(box.position) for box in boxes],
-        "terms": [100 * float(box.terms) for box in boxes],
-    }
-    settings = {
-        "mobility": model.mobility,
-        "formula": DEFAULT_FORMULA,
-        "plane problem": PLANES[stage.model],
-    }
-    if elements is not None:
-        settings |= meshed(mesh) | {"unknowns": elements.unknowns}
-    return Large(about(stage), values, None, None, settings, list(dict.fromkeys(warnings)))
-
-
-def _of_mechanism(
-    mechanism: Mechanism,
-    force: tuple[float, float, float] | None,
-    amplitude: float | str,
-    along: Direction | None,
-    mesh: Mesh | None,
-    progress: Progress | None,
-) -> MechanismLarge:
-    """Return the displacements under a load, or the curve of a driven output. Raises BadInput."""
+    mesh = mesh_of(mechanism, models, resolution, None, usual=RESOLUTION)
     if force is None:
         return _driven(mechanism, amplitude, along, mesh, progress)
     if along is not None:
         raise BadInput("along and force, expected one of the two")
-    return _loaded(mechanism, force, mesh, progress)
+    load = arguments.forces("force", force, 1)
+    return _loaded(mechanism, np.ravel(load), mesh, progress)
 
 
 def _at_rest(mechanism: Mechanism, mesh: Mesh | None) -> Array:
@@ -376,59 +186,85 @@ def _at_rest(mechanism: Mechanism, mesh: Mesh | None) -> Array:
     if mechanism.layout.joints:
         return respond(mechanism.layout).compliance
     assert mesh is not None
-    return solved_plate(mechanism, mesh.resolution).compliance
+    return solved(mechanism, mesh.resolution).compliance
+
+
+class _UnderLoads(NamedTuple):
+    """Equilibria under s dead loads by one theory.
+
+    pose : (s, 3), of the output.   tangent : (s, k, k), compliance of the ports.
+    stable : whether all are.   strain : (s,), of finite elements.
+    pose_band, stiffness_band : (s, 3), nan where none are known.
+    """
+
+    pose: Array
+    tangent: Array
+    stable: bool = True
+    strain: Array | None = None
+    pose_band: Array | None = None
+    stiffness_band: Array | None = None
 
 
 def _loaded(
-    mechanism: Mechanism,
-    force: tuple[float, float, float],
-    mesh: Mesh | None,
-    progress: Progress | None,
-) -> MechanismLarge:
-    """Return the displacements under a growing dead load."""
+    mechanism: Mechanism, force: Array, mesh: Mesh | None, progress: Progress | None
+) -> Large:
+    """Return the displacements under a growing dead load (3,) on the output."""
     layout = mechanism.layout
     C = _at_rest(mechanism, mesh)
     loads = np.zeros((len(SHARES), len(C)))
-    loads[:, :3] = np.outer(SHARES, arguments.forces("force", force, 1))
-    poses = [loads @ C[:, :3]]
-    tangents: list[Array] = [np.broadcast_to(C, (len(loads), *C.shape))]
-    stable = True
-    theories = [LINEAR]
+    loads[:, :3] = np.outer(SHARES, force)
+    found = {LINEAR: _UnderLoads(loads @ C[:, :3], np.broadcast_to(C, (len(loads), *C.shape)))}
     if layout.joints:
-        found = displaced(layout, loads)
-        poses.append(found.motions[:, :3])
-        tangents.append(found.compliance)
-        stable = bool(np.all(found.stable))
-        theories.append(BEAMS)
-    values = dict[str, Any]()
-    bands = dict[str, Array]()
+        beams = displaced(layout, loads)
+        stable = bool(np.all(beams.stable))
+        found[BEAMS] = _UnderLoads(beams.motions[:, :3], beams.compliance, stable)
     if mesh is not None:
-        steps = levels(mesh.resolution)
-        each = on_meshes(
-            steps, lambda level: equilibria(model_of(mechanism, level), loads), progress
-        )
-        poses.append(each[-1].pose[:, :3])
-        tangents.append(each[-1].compliance)
-        values["strain"] = each[-1].strain
-        theories.append(ELEMENTS)
-        sizes = np.array(steps, dtype=float)
-        alike = {
-            "pose": [one.pose[:, :3] for one in each],
-            "stiffness": [_along(one.compliance) for one in each],
-        }
-        for name, parts in alike.items():
-            bands[name] = np.full((len(SHARES), len(theories), 3), np.nan)
-            bands[name][:, -1] = corner_bands(sizes, np.array(parts))
-    values["force"] = loads[:, :3]
-    values |= {
-        "pose": np.stack(poses, axis=1),
-        "stiffness": np.stack([_along(one) for one in tangents], axis=1),
+        found[ELEMENTS] = _by_elements(mechanism, loads, mesh, progress)
+    values = {
+        "force": loads[:, :3],
+        "pose": np.stack([one.pose for one in found.values()], axis=1),
+        "stiffness": np.stack([_along(one.tangent) for one in found.values()], axis=1),
     }
-    ends = np.linalg.eigvalsh(tangents[-1])
-    stable = stable and bool(np.all(ends[:, 0] > -ROUND_OFF * ends[:, -1]))
+    bands = dict[str, Array]()
+    last = list(found.values())[-1]
+    if last.strain is not None:
+        values["strain"] = last.strain
+        for name, width in (("pose", last.pose_band), ("stiffness", last.stiffness_band)):
+            bands[name] = np.full_like(values[name], np.nan)
+            bands[name][:, -1] = width
+    stable = all(one.stable for one in found.values()) and _is_stable(last.tangent)
     warnings = [] if stable else [UNSTABLE]
-    labels = {"theory": theories}
-    return answer(MechanismLarge, mechanism, {}, mesh, {}, values, labels, bands, warnings=warnings)
+    labels = {"theory": tuple(found)}
+    return answer(Large, mechanism, {}, mesh, {}, values, labels, bands, warnings=warnings)
+
+
+def _by_elements(
+    mechanism: Mechanism, loads: Array, mesh: Mesh, progress: Progress | None
+) -> _UnderLoads:
+    """Solve three meshes under loads (s, k) on the ports."""
+    steps = levels(mesh.resolution)
+    each = on_meshes(steps, lambda level: equilibria(model_of(mechanism, level), loads), progress)
+    sizes = np.array(steps, dtype=float)
+    poses = np.array([one.pose[:, :3] for one in each])
+    stiffness = np.array([_along(one.compliance) for one in each])
+    return _UnderLoads(
+        poses[-1],
+        each[-1].compliance,
+        strain=each[-1].strain,
+        pose_band=corner_bands(sizes, poses),
+        stiffness_band=corner_bands(sizes, stiffness),
+    )
+
+
+def _is_stable(tangent: Array) -> bool:
+    """Whether no tangent compliance (s, k, k) has a negative eigenvalue."""
+    ends = np.linalg.eigvalsh(tangent)
+    return bool(np.all(ends[:, 0] > -ROUND_OFF * ends[:, -1]))
+
+
+def _along(compliance: Array) -> Array:
+    """Return the stiffness (s, 3) along every direction of the output, the others free."""
+    return np.asarray(1 / np.diagonal(compliance, axis1=1, axis2=2)[:, :3])
 
 
 def _driven(
@@ -437,7 +273,7 @@ def _driven(
     along: Direction | None,
     mesh: Mesh | None,
     progress: Progress | None,
-) -> MechanismLarge:
+) -> Large:
     """Return the curve of the force that drives the output along one direction, the others free."""
     C = _at_rest(mechanism, mesh)
     port, size = _commanded(amplitude, along, C)
@@ -447,66 +283,87 @@ def _driven(
         traced[BEAMS] = by_beams(mechanism.layout, port, motions)
     if mesh is not None:
         traced[ELEMENTS] = by_elements(mechanism, mesh, port, motions, progress)
-    values, bands, labels = _of_curves(traced, C, port, motions)
-    return answer(
-        MechanismLarge,
-        mechanism,
-        {},
-        mesh,
-        {},
-        values,
-        labels,
-        bands,
-        warnings=_warned(traced, port, size),
-    )
-
-
-def _of_curves(
-    traced: Mapping[str, Traced], compliance: Array, port: int, motions: Array
-) -> tuple[dict[str, Array], dict[str, Array], dict[str, list[str]]]:
-    """Return the values, bands and labels of curves along a port, nan beyond the end of a curve."""
-    theories = [LINEAR, *traced]
-    events = list(dict.fromkeys(label for one in traced.values() for label in one.events))
-    steps = max(len(one.curve.points) for one in traced.values())
-    at = {
-        "share": np.full((len(SHARES), len(theories), NUMBERS), np.nan),
-        "event": np.full((len(events), len(theories), NUMBERS), np.nan),
-        "curve": np.full((steps, len(theories), NUMBERS), np.nan),
-    }
-    widths = {name: np.full_like(array, np.nan) for name, array in at.items()}
-    pivots = {name: np.full(at[name].shape[:2], np.nan) for name in ("event", "curve")}
-    strain = np.full(len(SHARES), np.nan)
-    forces = motions / compliance[port, port]
-    pushed = np.zeros((len(motions), 3))
-    pushed[:, port] = forces
-    at["share"][:, 0, :3] = pushed @ compliance[:3, :3]
-    at["share"][:, 0, 3:6] = pushed
-    at["share"][:, 0, 6:] = 1 / np.diag(compliance)[:3]
-    for theory, (label, one) in enumerate(traced.items(), start=1):
-        for number, point in enumerate(one.shares):
-            at["share"][number, theory] = numbers_of(point)
-            if label == ELEMENTS:
-                strain[number] = point.strain
-        widths["share"][: len(one.shares), theory] = one.share_bands
-        for number, point in enumerate(one.curve.points):
-            at["curve"][number, theory] = numbers_of(point)
-            pivots["curve"][number, theory] = point.unstable
-        for name, point in one.events.items():
-            at["event"][events.index(name), theory] = numbers_of(point)
-            pivots["event"][events.index(name), theory] = point.unstable
-        for name, band in one.event_bands.items():
-            widths["event"][events.index(name), theory] = band
-    values = _named(at) | {f"{name}_pivots": array for name, array in pivots.items()}
+    curves = _Curves.of(traced)
+    curves.add_linear(C, port, motions)
+    for number, one in enumerate(traced.values(), start=1):
+        curves.add(number, one)
+    values = curves.values()
     if ELEMENTS in traced:
-        values["strain"] = strain
-    if not events:
-        values = {name: array for name, array in values.items() if not name.startswith("event")}
-    bands = {name: array for name, array in _named(widths).items() if name in values}
-    return (
-        values,
-        bands,
-        {"theory": theories, "event": events, "step": [str(k) for k in range(steps)]},
-    )
+        values["strain"] = _strain(traced[ELEMENTS])
+    bands = {name: array for name, array in _named(curves.widths).items() if name in values}
+    warnings = _warned(traced, port, size)
+    labels = curves.labels()
+    return answer(Large, mechanism, {}, mesh, {}, values, labels, bands, warnings=warnings)
+
+
+def _strain(traced: Traced) -> Array:
+    """Return the largest strain at the shares of the displacement, nan beyond the end of the curve."""
+    strain = np.full(len(SHARES), np.nan)
+    strain[: len(traced.shares)] = [point.strain for point in traced.shares]
+    return strain
+
+
+class _Curves(NamedTuple):
+    """Numbers along a port by all theories, nan beyond the end of a curve.
+
+    at, widths : values and bands (places, theories, NUMBERS) of `numbers_of` by kind of place:
+    share, event and curve.   pivots : (places, theories), negative pivots.
+    """
+
+    theories: list[str]
+    events: list[str]
+    at: dict[str, Array]
+    widths: dict[str, Array]
+    pivots: dict[str, Array]
+
+    @classmethod
+    def of(cls, traced: Mapping[str, Traced]) -> _Curves:
+        """Return places for linear theory and for traced curves."""
+        theories = [LINEAR, *traced]
+        events = list(dict.fromkeys(label for one in traced.values() for label in one.events))
+        steps = max(len(one.curve.points) for one in traced.values())
+        counts = {"share": len(SHARES), "event": len(events), "curve": steps}
+        at = {
+            name: np.full((count, len(theories), NUMBERS), np.nan) for name, count in counts.items()
+        }
+        widths = {name: np.full_like(array, np.nan) for name, array in at.items()}
+        pivots = {name: np.full(at[name].shape[:2], np.nan) for name in ("event", "curve")}
+        return cls(theories, events, at, widths, pivots)
+
+    def add_linear(self, compliance: Array, port: int, motions: Array) -> None:
+        """Add linear theory at motions (s,) of a port."""
+        pushed = np.zeros((len(motions), 3))
+        pushed[:, port] = motions / compliance[port, port]
+        self.at["share"][:, 0, :3] = pushed @ compliance[:3, :3]
+        self.at["share"][:, 0, 3:6] = pushed
+        self.at["share"][:, 0, 6:] = 1 / np.diag(compliance)[:3]
+
+    def add(self, theory: int, traced: Traced) -> None:
+        """Add a traced curve as a theory by its number."""
+        for number, point in enumerate(traced.shares):
+            self.at["share"][number, theory] = numbers_of(point)
+        self.widths["share"][: len(traced.shares), theory] = traced.share_bands
+        for number, point in enumerate(traced.curve.points):
+            self.at["curve"][number, theory] = numbers_of(point)
+            self.pivots["curve"][number, theory] = point.unstable
+        for name, point in traced.events.items():
+            number = self.events.index(name)
+            self.at["event"][number, theory] = numbers_of(point)
+            self.pivots["event"][number, theory] = point.unstable
+        for name, band in traced.event_bands.items():
+            self.widths["event"][self.events.index(name), theory] = band
+
+    def values(self) -> dict[str, Array]:
+        """Return the values by quantity; those of events only if there are some."""
+        found = _named(self.at) | {f"{name}_pivots": one for name, one in self.pivots.items()}
+        if self.events:
+            return found
+        return {name: array for name, array in found.items() if not name.startswith("event")}
+
+    def labels(self) -> dict[str, list[str]]:
+        """Return the labels of the axes."""
+        steps = [str(k) for k in range(len(self.at["curve"]))]
+        return {"theory": self.theories, "event": self.events, "step": steps}
 
 
 def _named(arrays: Mapping[str, Array]) -> dict[str, Array]:
@@ -535,10 +392,9 @@ def _warned(traced: Mapping[str, Traced], port: int, size: float) -> list[str]:
         points = one.curve.points
         unstable = [point.motions[port] for point in points if point.unstable]
         if unstable:
-            between = f"from {unstable[0]:.4g} to {unstable[-1]:.4g} {unit}"
             found.append(
-                f"{label}: {between} equilibria are not stable under the dead load: the mechanism "
-                "snaps"
+                f"{label}: from {unstable[0]:.4g} to {unstable[-1]:.4g} {unit} equilibria are not "
+                "stable under the dead load: the mechanism snaps"
             )
         if any(name.startswith("buckling") for name in one.events):
             found.append(f"{label}: beyond buckling the curve is that without it, and not stable")
@@ -549,13 +405,12 @@ def _warned(traced: Mapping[str, Traced], port: int, size: float) -> list[str]:
                     f", or the largest strain, {points[-1].strain:.2g} there, exceeds that of the "
                     "material law"
                 )
-            found.append(
-                f"{label}: the curve ends at {points[-1].motions[port]:.4g} of {size:.4g} {unit}: "
-                f"{reason}"
-            )
+            end = points[-1].motions[port]
+            found.append(f"{label}: the curve ends at {end:.4g} of {size:.4g} {unit}: {reason}")
     if len(traced) == 2:
         beams, elements = (set(one.events) for one in traced.values())
-        if apart := sorted(beams ^ elements):
+        apart = sorted(beams ^ elements)
+        if apart:
             found.append(f"beams and finite elements do not both find: {', '.join(apart)}")
     return found
 
@@ -563,32 +418,36 @@ def _warned(traced: Mapping[str, Traced], port: int, size: float) -> list[str]:
 def _commanded(
     amplitude: float | str, along: Direction | None, compliance: Array
 ) -> tuple[int, float]:
-    """Return the port and the displacement, mm or rad, of an amplitude: an angle, or a length of
-    the softest port.
+    """Return the port and the displacement, mm or rad, of an amplitude.
+
+    It is an angle, or a length of the softest port. Raises BadInput.
     """
     if isinstance(amplitude, str) and not _is_length(amplitude):
-        if along not in (None, "theta"):
-            raise BadInput(
-                f"amplitude {amplitude!r} along {along}, expected a length with its unit, such as "
-                "3mm"
-            )
-        try:
-            angle = in_unit(amplitude, UNITS["rad"])
-        except ValueError:
-            expected = "expected a length or an angle with its unit, such as 3mm or 5deg"
-            raise BadInput(f"amplitude {amplitude!r}, {expected}") from None
-        arguments.between("amplitude", abs(angle), 1e-9, 10.0, " rad")
-        return 2, angle
+        return 2, _angle(amplitude, along)
     if along == "theta":
         raise BadInput(
             f"amplitude {amplitude!r} along theta, expected an angle with its unit, such as 5deg"
         )
-    size = _length(amplitude) if isinstance(amplitude, str) else amplitude
-    arguments.between(
-        "amplitude", abs(size) if isinstance(size, int | float) else size, 1e-6, 1e4, " mm"
-    )
+    size = length_of(amplitude) if isinstance(amplitude, str) else amplitude
+    magnitude = abs(size) if isinstance(size, int | float) else size
+    arguments.between("amplitude", magnitude, 1e-6, 1e4, " mm")
     softest = int(np.argmax(np.diag(compliance)[:2]))
     return softest if along is None else DIRECTIONS.index(along), float(size)
+
+
+def _angle(amplitude: str, along: Direction | None) -> float:
+    """Return an angle, rad, with its unit. Raises BadInput along a translation."""
+    if along not in (None, "theta"):
+        raise BadInput(
+            f"amplitude {amplitude!r} along {along}, expected a length with its unit, such as 3mm"
+        )
+    try:
+        angle = in_unit(amplitude, UNITS["rad"])
+    except ValueError:
+        expected = "expected a length or an angle with its unit, such as 3mm or 5deg"
+        raise BadInput(f"amplitude {amplitude!r}, {expected}") from None
+    arguments.between("amplitude", abs(angle), 1e-9, 10.0, " rad")
+    return angle
 
 
 def _is_length(text: str) -> bool:
@@ -598,86 +457,9 @@ def _is_length(text: str) -> bool:
     return False
 
 
-def _length(text: str) -> float:
-    """Return a length, mm, with its unit."""
+def length_of(text: str) -> float:
+    """Return a length, mm, with its unit. Raises BadInput."""
     try:
         return in_unit(text, UNITS["mm"])
     except ValueError as error:
         raise BadInput(f"amplitude {error}") from None
-
-
-def _along(compliance: Array) -> Array:
-    """Stiffness (s, 3) along every direction of the output, the others free."""
-    return np.asarray(1 / np.diagonal(compliance, axis1=1, axis2=2)[:, :3])
-
-
-def _path(
-    stage: Stage, paper: PaperModel, elements: Response | None, axis: int, end: float
-) -> dict[str, Array]:
-    """Return `tangent`, `errors`, `load` and `strain` of `Large` along an axis, other directions
-    held at zero.
-    """
-    direction = DIRECTIONS[axis]
-    lever = stage.chain.link_lengths[2]
-    rest = stiffness(paper)
-    step = SLOPE_STEP * end
-    commanded = end * np.arange(-STEPS, STEPS + 1) / STEPS
-    tangent = np.full((len(commanded), len(THEORIES)), np.nan)
-    errors = np.full((*tangent.shape, 3), np.nan)
-    loads = np.full((*tangent.shape, 3), np.nan)
-    values = {
-        "tangent": tangent,
-        "errors": errors,
-        "load": loads,
-        "strain": np.full(len(commanded), np.nan),
-    }
-
-    def relative_errors(pose: Array, displacements: Array) -> Array:
-        """Return errors (n, 3) in per cent of displacements (n,); zero at rest, since errors are of
-        second order.
-        """
-        nonzero = displacements != 0
-        percent = np.zeros_like(pose)
-        percent[nonzero] = percentages(pose[nonzero], displacements[nonzero], direction, lever)
-        return percent
-
-    exact = at_pose(paper, axis_poses(commanded, axis))
-    after, before = (
-        at_pose(paper, axis_poses(commanded + side, axis)).load for side in (step, -step)
-    )
-    slopes = [state.stiffness()[..., axis] for state in (exact.without_terms, exact)] + [
-        (after - before) / (2 * step)
-    ]
-    summed = summed_loads(paper, commanded, axis)
-    for theory, load in enumerate((summed["without"], summed["tangent"], exact.load)):
-        tangent[:, theory] = 100 * (slopes[theory][:, axis] / rest.K_uu[axis, axis] - 1)
-        errors[:, theory] = relative_errors(
-            load @ rest.C_uu - axis_poses(commanded, axis), commanded
-        )
-    loads[:, EXACT] = exact.load
-    if elements is None:
-        return values
-    plate = plate_of(stage)
-    C = elements.compliance
-    places = STEPS + ELEMENT_STEPS
-    held_load = np.zeros((len(ELEMENT_STEPS), 3))
-    compliance = np.tile(C, (len(ELEMENT_STEPS), 1, 1))
-    strain = np.zeros(len(ELEMENT_STEPS))
-    for side in outwards(ELEMENT_STEPS):
-        solution = imposed(elements.mesh, plate, axis_poses(commanded[places[side]], axis))
-        held_load[side] = solution.load
-        compliance[side] = solution.compliance
-        strain[side] = solution.strain
-    exact_load = exact.load[STEPS + STATED]
-    pose = np.zeros((len(STATED), 3))
-    for side in outwards(STATED):
-        pose[side] = equilibrium(elements.mesh, plate, exact_load[side]).pose
-    slope = np.linalg.inv(compliance)[:, axis, axis] / np.linalg.inv(C)[axis, axis]
-    tangent[places, HELD] = 100 * (slope - 1)
-    loads[places, HELD] = held_load
-    values["strain"][places] = strain
-    errors[places, HELD] = relative_errors(
-        held_load @ C - axis_poses(commanded[places], axis), commanded[places]
-    )
-    errors[STEPS + STATED, LOADED] = relative_errors(exact_load @ C - pose, pose[:, axis])
-    return values

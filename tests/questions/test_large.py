@@ -9,13 +9,13 @@ import pytest
 
 import flexfem
 from flexfem.fem.nonlinear import equilibrium
+from flexfem.paper import large as module
 from flexfem.paper.equilibrium import at_pose
 from flexfem.paper.figures.large import large_figure
+from flexfem.paper.large import EXACT, HELD, LOADED, TANGENT, WITHOUT, StageLarge
 from flexfem.paper.model import analyse, assemble
 from flexfem.paper.solutions import solved
 from flexfem.paper.stage_mesh import plate_of
-from flexfem.questions import large as module
-from flexfem.questions.large import EXACT, HELD, LOADED, TANGENT, WITHOUT, Large
 from flexfem.units import DIRECTIONS
 
 COARSE = 2  # triangles across a neck: the nonlinearity is within 0.6 % of that with eight
@@ -25,7 +25,7 @@ SLOPE = 1e-7  # percentage points: Gauss's sums, central differences
 
 
 @pytest.fixture(scope="module")
-def found(stage) -> Large:
+def found(stage) -> StageLarge:
     """Finite elements are solved at two commands on either side of rest, not at four."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "ELEMENT_STEPS", np.array([-20, -2, 0, 2, 20]))

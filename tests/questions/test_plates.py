@@ -10,7 +10,7 @@ import pytest
 import flexfem
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.questions import plates
-from flexfem.questions.large import MechanismLarge
+from flexfem.questions.large import Large
 from flexfem.questions.life import Life
 from flexfem.questions.setup import Mesh, answer
 from flexfem.refused import BadInput, ComputationFailed
@@ -321,9 +321,7 @@ def test_check_names_clamped_edges_by_the_numbers_of_the_file_also_of_copies():
     assert held == ["clamped at edges 1, 2", ""]
 
 
-@pytest.mark.parametrize(
-    ("kind", "name", "shape"), [(MechanismLarge, "strain", 4), (Life, "peak", (1, 2))]
-)
+@pytest.mark.parametrize(("kind", "name", "shape"), [(Large, "strain", 4), (Life, "peak", (1, 2))])
 def test_a_largest_strain_or_stress_at_sharp_roots_is_printed_with_the_warning_that_it_is_singular(
     kind, name, shape
 ):

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
+from flexfem.paper.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, StageLarge
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, titled
-from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
 from flexfem.refused import BadInput, printed
 from flexfem.units import COMMANDS, DIRECTIONS, Direction, unit_for
 
@@ -51,7 +51,7 @@ THEORIES: dict[int, tuple[str, dict[str, Any]]] = {  # labels and looks of the c
 
 
 @style.in_house_style
-def large_figure(found: Large) -> Figure:
+def large_figure(found: StageLarge) -> Figure:
     """Draw tangent stiffness and errors of linear theory over the command, a row per direction.
 
     Every model is compared with its own linear solution, so that all curves pass through zero at
@@ -82,7 +82,7 @@ def large_figure(found: Large) -> Figure:
     return figure
 
 
-def _command_limits(found: Large, share: float) -> str:
+def _command_limits(found: StageLarge, share: float) -> str:
     """Return the limits of the commands in x and theta, times a share."""
     limits = [
         f"±{COMMANDS[k].factor * share * float(found.amplitude[k]):g} {COMMANDS[k]}" for k in (0, 2)
@@ -90,7 +90,9 @@ def _command_limits(found: Large, share: float) -> str:
     return " and ".join(limits)
 
 
-def plot_large(ax: Axes, found: Large, direction: Direction, column: Column = "tangent") -> Axes:
+def plot_large(
+    ax: Axes, found: StageLarge, direction: Direction, column: Column = "tangent"
+) -> Axes:
     """Draw one quantity of every model over the command in one direction; return `ax`.
 
     column : the change of the tangent stiffness, or the error of linear theory along or across the
@@ -115,7 +117,7 @@ def plot_large(ax: Axes, found: Large, direction: Direction, column: Column = "t
     return ax
 
 
-def _curves(found: Large, direction: Direction, column: Column) -> dict[Direction, Array]:
+def _curves(found: StageLarge, direction: Direction, column: Column) -> dict[Direction, Array]:
     """Return the values (commands, theories) of a column, %, by component of the pose."""
     if column == "tangent":
         return {direction: found.at("tangent", direction=direction)}
