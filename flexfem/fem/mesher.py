@@ -1,8 +1,8 @@
-"""gmsh in separate processes, which can hang or crash without affecting flexfem; the only module
-that imports it.
+"""gmsh in separate processes, which can hang or crash alone; the only module that imports it.
 
-A process serves one request after the other, since starting it takes longer than most meshes: `main` reads pickled requests from standard input and writes pickled
-results to standard output."""
+A process serves one request after the other, since starting it takes longer than most meshes:
+`main` reads pickled requests from standard input and writes pickled results to standard output.
+"""
 
 from __future__ import annotations
 
@@ -34,21 +34,24 @@ from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command
 
 SAME_POINT = 1e-7  # mm; each face computes the points that it shares with others
+# gmsh types of quadratic elements and their nodes
 TRIANGLE = (9, 6)
-EDGE = (8, 3)  # gmsh types of quadratic elements and their nodes
+EDGE = (8, 3)
 CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
 SECTION_ERROR = 2e-5  # mm; the same for a solid that another program wrote
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
 # label of lines between sectors, or halves, of parts that a symmetry takes into themselves
 DIVIDING = "dividing"
 SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
+SAME_SIZE = 1e-6  # relative, of their areas or lengths
 PERPENDICULAR = 1e-5  # most cosine between the normals of a plate and of a face perpendicular to it
 SOLID_NAME = re.compile(rb"MANIFOLD_SOLID_BREP\s*\(\s*'((?:[^']|'')*)'")
+PARALLEL = 1 - 1e-9  # least cosine between the normals of parallel faces
+MOST_ARCS = 1000  # in place of one curve
 MOST_DIRECTIONS = 30  # of plane faces that may be the sides of a plate
 POLL = 0.25  # s between two polls of a process
-LONGEST_GAP = (
-    1.0  # s between two polls; a longer gap means that this process or the machine was suspended
-)
+# s between two polls; a longer gap means that this process or the machine was suspended
+LONGEST_GAP = 1.0
 MOST_MEMORY = 6_000_000_000  # bytes, while a solid of another program is read
 MOST_KEPT = 10_000_000  # bytes of meshes; after a larger result the process ends to free its memory
 OPTIONS = {
@@ -75,8 +78,9 @@ LIBRARIES = {
 
 
 class Grading(NamedTuple):
-    """Triangle size, mm: `size` within `radius` of points, linear up to `largest` at `radius` +
-    `reach`.
+    """Triangle size, mm, near points.
+
+    It is `size` within `radius` of them, and grows linearly up to `largest` at `radius + reach`.
     """
 
     points: Sequence[complex]
@@ -123,8 +127,7 @@ class Line(NamedTuple):
 
 
 class PlateMesh(NamedTuple):
-    """Regions, the lines that separate them, and the triangle sizes of their mesh, as in
-    `FaceMesh`.
+    """Regions, the lines that separate them, and triangle sizes as in `FaceMesh`.
 
     largest : triangle size, mm, in each region, far from the points of `gradings`.
     moves : rotations, or a mirror image, that take faces and curves into each other; the mesh of
@@ -230,61 +233,63 @@ def gmsh_session() -> Iterator[Any]:
         gmsh.finalize()
 
 
-def _draw_faces(kernel: Any, faces: list[Face]) -> tuple[list[tuple[str, int]], list[list[int]]]:
-    """Draw every point and curve once; return the curves with labels other than `free` and the
-    faces.
+class _Drawn(NamedTuple):
+    """Curves of gmsh with their labels, and the faces of each region, by tags."""
+
+    curves: list[tuple[str, int]]
+    faces: list[list[int]]
+
+
+def _draw_faces(kernel: Any, faces: list[Face]) -> _Drawn:
+    """Draw every point and curve once; curves with the label `free` are left out of the result.
 
     A segment with coincident ends is omitted; a curve that a face traverses backwards has a
-    negative tag in its loop."""
+    negative tag in its loop.
+    """
     ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
-    first = np.argmax(
-        np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1
-    )  # first end at the same point
+    apart = np.abs(ends.ravel()[:, None] - ends.ravel())
+    first = np.argmax(apart < SAME_POINT, axis=1)  # first end at the same point
+    indices = iter(first.reshape(ends.shape).tolist())
     points = dict[int, int]()
     drawn = dict[tuple[int, int], int]()
     labelled = list[tuple[str, int]]()
-    indices = iter(first.reshape(ends.shape).tolist())
     loops = list[int]()
     for face in faces:
-        tags = []
+        tags = list[int]()
         for segment, label in zip(face.loop, face.labels, strict=True):
             start, end = next(indices)
+            if start == end:
+                continue
             if (end, start) in drawn:
                 tags.append(-drawn[end, start])
-            elif start != end:
-                for index in (start, end):
-                    if index not in points:
-                        points[index] = _point(kernel, ends.flat[index])
-                tags.append(_draw_curve(kernel, segment, points[start], points[end]))
-                drawn[start, end] = tags[-1]
-                labelled += [(label, tags[-1])] * (label != "free")
+                continue
+            for index in (start, end):
+                if index not in points:
+                    points[index] = _point(kernel, ends.flat[index])
+            drawn[start, end] = _draw_curve(kernel, segment, points[start], points[end])
+            tags.append(drawn[start, end])
+            if label != "free":
+                labelled.append((label, tags[-1]))
         loops.append(kernel.addCurveLoop(tags))
-    return labelled, [[int(kernel.addPlaneSurface([loop]))] for loop in loops]
+    return _Drawn(labelled, [[int(kernel.addPlaneSurface([loop]))] for loop in loops])
 
 
 def mesh_faces(job: FaceMesh) -> NamedArrays:
-    """Mesh faces with quadratic triangles, conforming along the curves they share; return arrays as
-    `_meshed`.
+    """Mesh faces with quadratic triangles, conforming along the curves they share.
+
+    Returns arrays as `_meshed`.
     """
     with gmsh_session() as gmsh:
-        curves, faces = _draw_faces(gmsh.model.geo, job.faces)
+        drawn = _draw_faces(gmsh.model.geo, job.faces)
         gmsh.model.geo.synchronize()
         field = gmsh.model.mesh.field
-        balls = [
-            _field(
-                field,
-                "Ball",
-                XCenter=z.real,
-                YCenter=z.imag,
-                Radius=r,
-                VIn=size,
-                VOut=largest,
-                Thickness=reach,
-            )
-            for points, r, size, largest, reach in job.gradings
-            for z in points
-        ]
-        return _meshed(gmsh.model.mesh, job.divisions, balls, curves, faces)
+        balls = list[int]()
+        for grading in job.gradings:
+            sizes = {"VIn": grading.size, "VOut": grading.largest, "Thickness": grading.reach}
+            for z in grading.points:
+                place = {"XCenter": z.real, "YCenter": z.imag, "Radius": grading.radius}
+                balls.append(_field(field, "Ball", **place, **sizes))
+        return _meshed(gmsh.model.mesh, job.divisions, balls, drawn)
 
 
 def _field(field: Any, kind: str, **values: float) -> int:
@@ -294,21 +299,15 @@ def _field(field: Any, kind: str, **values: float) -> int:
     return int(tag)
 
 
-def _meshed(
-    mesh: Any,
-    divisions: dict[str, int],
-    sizes: list[int],
-    curves: list[tuple[str, int]],
-    faces: list[list[int]],
-) -> NamedArrays:
+def _meshed(mesh: Any, divisions: dict[str, int], sizes: list[int], drawn: _Drawn) -> NamedArrays:
     """Mesh what is drawn, with the minimum over the fields of `sizes` as triangle size.
-
-    curves : with their labels.   faces : of each region.
 
     Returns
     -------
     nodes (n, 2) in mm; triangles (m, 6) as in `mesh.StageMesh`, regions (m,) index of each
-    triangle's region; edges (k, 3) of the curves, edge_labels (k,) text."""
+    triangle's region; edges (k, 3) of the curves, edge_labels (k,) text.
+    """
+    curves, faces = drawn
     pieces = Counter(label for label, _ in curves)
     for label, tag in curves:
         if label in divisions:
@@ -318,29 +317,36 @@ def _meshed(
     mesh.field.setAsBackgroundMesh(smallest)
     mesh.generate(2)
     mesh.setOrder(2)
+    of_faces = [[_elements(mesh, TRIANGLE, tag) for tag in part] for part in faces]
+    of_regions = [np.concatenate(part) for part in of_faces]
+    of_curves = [_elements(mesh, EDGE, tag) for _, tag in curves]
     tags, xyz, _ = mesh.getNodes()
-
-    def elements(kind: tuple[int, int], tag: int) -> AnyArray:
-        return np.reshape(mesh.getElementsByType(kind[0], tag)[1], (-1, kind[1])).astype(np.int64)
-
-    of_regions = [np.concatenate([elements(TRIANGLE, tag) for tag in part]) for part in faces]
-    of_curves = [elements(EDGE, tag) for _, tag in curves]
     triangles = np.concatenate(of_regions)
     used = np.isin(tags, triangles)  # without centres of arcs and points that set sizes
     index = np.full(int(tags.max()) + 1, -1)
     index[tags[used]] = np.arange(np.count_nonzero(used))
     nodes = xyz.reshape(-1, 3)[used, :2]
-    triangles = index[triangles]
-    first, second, third = (nodes[triangles[:, :3]] @ [1, 1j]).T
-    clockwise = ((second - first).conj() * (third - first)).imag < 0  # in copied meshes
-    triangles[clockwise] = triangles[clockwise][:, [0, 2, 1, 5, 4, 3]]
+    edges = np.concatenate([np.empty((0, 3), dtype=np.int64), *of_curves])
     return {
         "nodes": nodes,
-        "triangles": triangles,
+        "triangles": _counter_clockwise(nodes, index[triangles]),
         "regions": np.repeat(np.arange(len(faces)), [len(part) for part in of_regions]),
-        "edges": index[np.concatenate([np.empty((0, 3), dtype=np.int64), *of_curves])],
+        "edges": index[edges],
         "edge_labels": np.repeat([label for label, _ in curves], [len(each) for each in of_curves]),
     }
+
+
+def _elements(mesh: Any, kind: tuple[int, int], tag: int) -> AnyArray:
+    """Return the nodes (e, n) of the elements of a kind on a face or curve."""
+    return np.reshape(mesh.getElementsByType(kind[0], tag)[1], (-1, kind[1])).astype(np.int64)
+
+
+def _counter_clockwise(nodes: AnyArray, triangles: AnyArray) -> AnyArray:
+    """Return the triangles (m, 6) with their corners counter-clockwise; copied ones may not be."""
+    first, second, third = (nodes[triangles[:, :3]] @ [1, 1j]).T
+    clockwise = ((second - first).conj() * (third - first)).imag < 0
+    triangles[clockwise] = triangles[clockwise][:, [0, 2, 1, 5, 4, 3]]
+    return triangles
 
 
 def write_plate(solid: PlateSolid) -> NamedArrays:
@@ -354,12 +360,9 @@ def write_plate(solid: PlateSolid) -> NamedArrays:
         kernel = gmsh.model.occ
         kernel.extrude(_union(kernel, solid.regions), 0.0, 0.0, solid.thickness)
         kernel.synchronize()
-        corners = {
-            tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)
-        }
-        kernel.remove(
-            [(0, tag) for _, tag in kernel.getEntities(0) if tag not in corners]
-        )  # centres of the arcs
+        corners = gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)
+        centres_of_arcs = [point for point in kernel.getEntities(0) if point not in corners]
+        kernel.remove(centres_of_arcs)
         kernel.synchronize()
         gmsh.write(solid.path)
         gmsh.clear()
@@ -380,25 +383,25 @@ def _draw_region(kernel: Any, region: Region) -> list[tuple[int, int]]:
 
 def _draw_loop(kernel: Any, loop: Sequence[Curve]) -> int:
     """Draw a closed loop of curves, each of which begins where the one before it ends."""
-    ends = [
-        (curve.points[0], curve.points[-1]) if isinstance(curve, Bezier) else curve[:2]
-        for curve in loop
-    ]
-    if len(loop) == 1 and isinstance(circle := loop[0], Segment) and circle.centre is not None:
-        centre = circle.centre
-        spoke = circle.start - circle.centre
-        axes = {"zAxis": [0.0, 0.0, 1.0], "xAxis": [spoke.real, spoke.imag, 0.0]}
-        return int(
-            kernel.addCurveLoop(
-                [kernel.addCircle(centre.real, centre.imag, 0.0, abs(spoke), **axes)]
-            )
-        )
-    long = [abs(end - start) > SAME_POINT for start, end in ends]
-    corners = [_point(kernel, start) for (start, _), keep in zip(ends, long, strict=True) if keep]
-    curves = [curve for curve, keep in zip(loop, long, strict=True) if keep]
+    if len(loop) == 1 and isinstance(loop[0], Segment) and loop[0].centre is not None:
+        return int(kernel.addCurveLoop([_draw_circle(kernel, loop[0].start, loop[0].centre)]))
+    curves = [curve for curve in loop if abs(np.subtract(*_ends(curve))) > SAME_POINT]
+    corners = [_point(kernel, _ends(curve)[0]) for curve in curves]
     following = [*corners[1:], corners[0]]
     tags = [_draw_curve(kernel, *each) for each in zip(curves, corners, following, strict=True)]
     return int(kernel.addCurveLoop(tags))
+
+
+def _ends(curve: Curve) -> tuple[complex, complex]:
+    if isinstance(curve, Bezier):
+        return curve.points[0], curve.points[-1]
+    return curve.start, curve.end
+
+
+def _draw_circle(kernel: Any, start: complex, centre: complex) -> int:
+    spoke = start - centre
+    axes = {"zAxis": [0.0, 0.0, 1.0], "xAxis": [spoke.real, spoke.imag, 0.0]}
+    return int(kernel.addCircle(centre.real, centre.imag, 0.0, abs(spoke), **axes))
 
 
 def _draw_curve(kernel: Any, curve: Curve, start: int, end: int) -> int:
@@ -429,104 +432,136 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
     """
     with gmsh_session() as gmsh:
         kernel = gmsh.model.occ
-        field = gmsh.model.mesh.field
         gmsh.option.setNumber("Mesh.Algorithm", job.algorithm)
-        curves, faces = _divide(gmsh.model, job)
+        drawn = _divide(gmsh.model, job)
         points = [[_point(kernel, z) for z in grading.points] for grading in job.gradings]
         kernel.synchronize()
-        sizes = list[int]()
-        for grading, near in zip(job.gradings, points, strict=True):
-            field.setNumbers(distance := field.add("Distance"), "PointsList", near)
-            limits = {"SizeMin": grading.size, "SizeMax": grading.largest}
-            limits |= {"DistMin": grading.radius, "DistMax": grading.radius + grading.reach}
-            sizes.append(_field(field, "Threshold", InField=distance, **limits))
-        for size, part in zip(job.largest, faces, strict=True):
-            sizes.append(_field(field, "Constant", VIn=size, VOut=max(job.largest)))
-            field.setNumbers(sizes[-1], "SurfacesList", part)
+        sizes = _sizes_near(gmsh.model.mesh.field, job.gradings, points)
+        sizes += _sizes_in(gmsh.model.mesh.field, job.largest, drawn.faces)
         if job.moves:
             _repeat(gmsh.model, job.moves)
-        areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in faces])
-        return {**_meshed(gmsh.model.mesh, job.divisions, sizes, curves, faces), "areas": areas}
+        areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in drawn.faces])
+        return {**_meshed(gmsh.model.mesh, job.divisions, sizes, drawn), "areas": areas}
 
 
-def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[list[int]]]:
-    """Divide the union of the regions along the lines; return labelled curves and the faces of each
-    region.
+def _sizes_near(
+    field: Any, gradings: Sequence[Grading], points: Sequence[Sequence[int]]
+) -> list[int]:
+    """Return fields with the sizes of gradings near their points, given by tags."""
+    found = list[int]()
+    for grading, near in zip(gradings, points, strict=True):
+        distance = field.add("Distance")
+        field.setNumbers(distance, "PointsList", near)
+        limits = {"SizeMin": grading.size, "SizeMax": grading.largest}
+        limits |= {"DistMin": grading.radius, "DistMax": grading.radius + grading.reach}
+        found.append(_field(field, "Threshold", InField=distance, **limits))
+    return found
+
+
+def _sizes_in(field: Any, largest: Sequence[float], faces: Sequence[Sequence[int]]) -> list[int]:
+    """Return fields with the largest sizes, mm, in the faces of each region."""
+    found = list[int]()
+    for size, part in zip(largest, faces, strict=True):
+        found.append(_field(field, "Constant", VIn=size, VOut=max(largest)))
+        field.setNumbers(found[-1], "SurfacesList", part)
+    return found
+
+
+def _divide(model: Any, job: PlateMesh) -> _Drawn:
+    """Divide the union of the regions along the lines.
 
     Regions are united first, since a hinge may be tangent to the side at which it meets a body: no
-    triangle edge follows this side."""
+    triangle edge follows this side.
+    """
     kernel = model.occ
     lined = {line.region for line in job.lines}
-    united = (
-        _union(kernel, [region for index, region in enumerate(job.regions) if index in lined])
-        if lined
-        else []
-    )
-    alone = {
-        index: _draw_region(kernel, each)
-        for index, each in enumerate(job.regions)
-        if index not in lined
-    }
-    drawn = [*united, *(face for each in alone.values() for face in each)]
-    tools = [
-        (1, _draw_curve(kernel, c, _point(kernel, c.start), _point(kernel, c.end)))
-        for _, c, _ in job.lines
-    ]
+    with_lines = [region for index, region in enumerate(job.regions) if index in lined]
+    united = _union(kernel, with_lines) if lined else []
+    drawn = list(united)
+    alone = list[int]()  # the region of each face without lines
+    for index, region in enumerate(job.regions):
+        if index not in lined:
+            faces = _draw_region(kernel, region)
+            drawn += faces
+            alone += [index] * len(faces)
+    tools = list[tuple[int, int]]()
+    for line in job.lines:
+        start = _point(kernel, line.curve.start)
+        end = _point(kernel, line.curve.end)
+        tools.append((1, _draw_curve(kernel, line.curve, start, end)))
     pieces = kernel.fragment(drawn, tools)[1]
     kernel.synchronize()
     owner = dict[int, int]()
-    for index, found in zip(
-        (i for i, each in alone.items() for _ in each), pieces[len(united) :], strict=False
-    ):
+    for index, found in zip(alone, pieces[len(united) : len(drawn)], strict=True):
         owner.update((tag, index) for _, tag in found)
-    curves = list[tuple[str, int]]()
-    for line, found in zip(job.lines, pieces[len(drawn) :], strict=True):
-        for _, tag in found:
-            beside = model.getAdjacencies(1, tag)[0].tolist()
-            owned = (owner[face] for face in beside if face in owner)
-            region = next(owned, -1) if line.region is None else line.region
-            owner.update((face, region) for face in beside if face not in owner and region >= 0)
-            if region not in map(owner.get, beside):
-                if not beside:
-                    continue  # beyond an edge
-                raise ValueError("two parts of the plate are joined without a hinge")
-            curves.append((line.label, tag))
+    curves = _owned_curves(model, job.lines, pieces[len(drawn) :], owner)
     if len(owner) != len(model.getEntities(2)):
         raise ValueError("a part of the plate is connected to nothing")
-    return curves, [
-        [tag for tag, region in owner.items() if region == index]
-        for index in range(len(job.regions))
-    ]
+    tags_of = [[tag for tag, own in owner.items() if own == k] for k in range(len(job.regions))]
+    return _Drawn(curves, tags_of)
+
+
+def _owned_curves(
+    model: Any, lines: Sequence[Line], pieces: Sequence[Any], owner: dict[int, int]
+) -> list[tuple[str, int]]:
+    """Return the pieces of lines in the plate with their labels, and let them give faces an owner.
+
+    owner : region of each face, by its tag.
+    """
+    curves = list[tuple[str, int]]()
+    for line, found in zip(lines, pieces, strict=True):
+        for _, tag in found:
+            beside = model.getAdjacencies(1, tag)[0].tolist()
+            region = line.region
+            if region is None:
+                region = next((owner[face] for face in beside if face in owner), -1)
+            if region >= 0:
+                for face in beside:
+                    owner.setdefault(face, region)
+            if region in [owner.get(face) for face in beside]:
+                curves.append((line.label, tag))
+            elif beside:  # else it is beyond an edge
+                raise ValueError("two parts of the plate are joined without a hinge")
+    return curves
 
 
 def _repeat(model: Any, moves: Sequence[Move]) -> None:
     """Let meshes of faces and curves be copied from those that the moves take to them.
 
     Each curve but one of those alike is a copy of this one, which is a copy of nothing: as a side
-    of a copied face it could be one of its own copies."""
+    of a copied face it could be one of its own copies.
+    """
     for dim in (2, 1):
-        middles = {
-            tag: complex(*model.occ.getCenterOfMass(dim, tag)[:2])
-            for _, tag in model.getEntities(dim)
-        }
-        sizes = {tag: float(model.occ.getMass(dim, tag)) for tag in middles}
+        tags = [tag for _, tag in model.getEntities(dim)]
+        middles = {tag: complex(*model.occ.getCenterOfMass(dim, tag)[:2]) for tag in tags}
+        sizes = {tag: float(model.occ.getMass(dim, tag)) for tag in tags}
+        own_moves = (Move(), *moves) if dim == 1 else tuple(moves)
         while middles:
             first, middle = next(iter(middles.items()))
             done = {first}
-            for move in (*[Move()] * (dim == 1), *moves):
-                place = move(middle)
-                near = (tag for tag, at in middles.items() if abs(at - place) < SAME_PART)
-                image = next(
-                    (tag for tag in near if math.isclose(sizes[tag], sizes[first], rel_tol=1e-6)),
-                    first,
-                )
+            for move in own_moves:
+                image = _image(middles, sizes, first, move(middle))
                 if image not in done or move == Move():
-                    affine = np.eye(4)
-                    affine[:2, :2] = move.of_twists[:2, :2]
-                    affine[:2, 3] = (move.shift.real, move.shift.imag)
-                    model.mesh.setPeriodic(dim, [image], [first], affine.ravel())
+                    model.mesh.setPeriodic(dim, [image], [first], _affine(move))
                     done.add(image)
             middles = {tag: at for tag, at in middles.items() if tag not in done}
+
+
+def _image(middles: dict[int, complex], sizes: dict[int, float], first: int, place: complex) -> int:
+    """Return the face or curve like the first one whose middle is at a place, else itself."""
+    for tag, middle in middles.items():
+        alike = math.isclose(sizes[tag], sizes[first], rel_tol=SAME_SIZE)
+        if alike and abs(middle - place) < SAME_PART:
+            return tag
+    return first
+
+
+def _affine(move: Move) -> AnyArray:
+    """Return the matrix (16,) of gmsh of a move."""
+    affine = np.eye(4)
+    affine[:2, :2] = move.of_twists[:2, :2]
+    affine[:2, 3] = (move.shift.real, move.shift.imag)
+    return affine.ravel()
 
 
 def contours_of(job: PlateContours) -> list[list[Segment]]:
@@ -543,73 +578,107 @@ def contours_of(job: PlateContours) -> list[list[Segment]]:
 def _contours(
     model: Any, faces: Sequence[tuple[int, int]], most: float = CURVE_ERROR
 ) -> list[list[Segment]]:
-    """Return the contours of plane faces, as `contours_of`, arcs within `most`, mm, of other
-    curves.
+    """Return the contours of plane faces, as `contours_of`.
+
+    most : mm, distance of arcs from other curves in place of which they are.
     """
     contours = list[list[Segment]]()
     for _, face in faces:
-        loops = list[list[Segment]]()
-        for tags in model.occ.getCurveLoops(face)[1]:
-            ends = {
-                int(t): model.getBoundary([(1, int(t))], combined=False, oriented=False)
-                for t in tags
-            }
-            at = ends[int(tags[0])][0]
-            loop = list[Segment]()
-            while ends:
-                tag = next(t for t, pair in ends.items() if at in pair)
-                first, *last = ends.pop(tag)
-                forwards = at == first
-                loop += _arcs(model, tag, most) if forwards else reverse(_arcs(model, tag, most))
-                at = last[0] if forwards and last else first
-            loops.append(loop)
+        tags_of = [tags.tolist() for tags in model.occ.getCurveLoops(face)[1]]
+        loops = [_closed_loop(model, tags, most) for tags in tags_of]
         loops.sort(key=lambda loop: -abs(area(loop)))
-        contours += [
-            loop if (area(loop) > 0) == (k == 0) else reverse(loop) for k, loop in enumerate(loops)
-        ]
+        for number, loop in enumerate(loops):
+            counter_clockwise = number == 0
+            contours.append(loop if (area(loop) > 0) == counter_clockwise else reverse(loop))
     return contours
+
+
+def _closed_loop(model: Any, tags: Sequence[int], most: float) -> list[Segment]:
+    """Return the curves with these tags as lines and arcs, each from where the one before ends."""
+    ends = {tag: model.getBoundary([(1, tag)], combined=False, oriented=False) for tag in tags}
+    at = ends[tags[0]][0]
+    loop = list[Segment]()
+    while ends:
+        tag = next(tag for tag, pair in ends.items() if at in pair)
+        first, *last = ends.pop(tag)
+        arcs = _arcs(model, tag, most)
+        if at == first:
+            loop += arcs
+            at = last[0] if last else first
+        else:
+            loop += reverse(arcs)
+            at = first
+    return loop
+
+
+class _CurveOnModel(NamedTuple):
+    """A curve of gmsh between two parameters."""
+
+    model: Any
+    tag: int
+    low: float
+    high: float
+
+    def points(self, shares: AnyArray) -> AnyArray:
+        """Return its points (n,), complex, mm, at shares of its parameter."""
+        return self._values(self.model.getValue, shares)
+
+    def slopes(self, shares: AnyArray) -> AnyArray:
+        """Return the derivatives (n,) by the parameter, complex."""
+        return self._values(self.model.getDerivative, shares)
+
+    def _values(self, of: Any, shares: AnyArray) -> AnyArray:
+        parameters = self.low + (self.high - self.low) * shares
+        x, y, _ = np.reshape(of(1, self.tag, parameters), (-1, 3)).T
+        return np.asarray(x + 1j * y)
 
 
 def _arcs(model: Any, tag: int, most: float) -> list[Segment]:
     """Return a curve as lines and arcs from its start to its end."""
     (low,), (high,) = model.getParametrizationBounds(1, tag)
-
-    def at(shares: AnyArray, value: Any = model.getValue) -> AnyArray:
-        x, y, _ = np.reshape(value(1, tag, low + (high - low) * shares), (-1, 3)).T
-        return np.asarray(x + 1j * y)
-
+    curve = _CurveOnModel(model, tag, low, high)
     shares = np.linspace(0, 1, 9)
-    points = at(shares)
-    slopes = at(shares, model.getDerivative)
+    points = curve.points(shares)
+    slopes = curve.slopes(shares)
     if np.ptp(slopes.real) + np.ptp(slopes.imag) < SAME_POINT:
         return [Segment(*points[[0, -1]].tolist())]
     for spokes in (1j * slopes, -1j * slopes):  # of a circle, whose parameter is the angle
         centre = np.mean(points + spokes)
         if np.max(np.abs(points + spokes - centre)) < SAME_POINT:
-            n = int(np.ceil((high - low) / LONGEST_TURN))
-            return [
-                Segment(a, b, complex(centre))
-                for a, b in pairwise(at(np.arange(n + 1) / n).tolist())
-            ]
-    n = 4
-    error = np.inf
-    while error > most and n < 1000:
-        points = at(np.arange(4 * n + 1) / (4 * n))
-        a = points[:-1:4]
-        u = points[2::4] - points[:-1:4]
-        v = points[4::4] - points[:-1:4]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            turn = (np.conj(u) * v).imag
-            centres = a + 0.5j * (u * np.abs(v) ** 2 - v * np.abs(u) ** 2) / turn
-        straight = np.abs(turn) < 1e-9 * np.abs(v) ** 2
-        off = np.stack([points[1::4], points[3::4]])
-        round_ = np.abs(np.abs(off - centres) - np.abs(a - centres))
-        error = float(np.max(np.where(straight, np.abs(((off - a) / v).imag * np.abs(v)), round_)))
-        n *= 2
-    curved = [
-        None if line else centre for line, centre in zip(straight, centres.tolist(), strict=True)
-    ]
-    return list(map(Segment, a.tolist(), points[4::4].tolist(), curved))
+            count = int(np.ceil((high - low) / LONGEST_TURN))
+            ends = curve.points(np.arange(count + 1) / count).tolist()
+            return [Segment(a, b, complex(centre)) for a, b in pairwise(ends)]
+    count = 4
+    arcs, error = _arcs_through(curve, count)
+    while error > most and 2 * count < MOST_ARCS:
+        count *= 2
+        arcs, error = _arcs_through(curve, count)
+    return arcs
+
+
+def _arcs_through(curve: _CurveOnModel, count: int) -> tuple[list[Segment], float]:
+    """Return arcs or lines through points of a curve, and their distance from it, mm.
+
+    Each goes through three points, and its distance is that of two points between them.
+    """
+    points = curve.points(np.arange(4 * count + 1) / (4 * count))
+    a = points[:-1:4]
+    u = points[2::4] - a
+    v = points[4::4] - a
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = (np.conj(u) * v).imag
+        centres = a + 0.5j * (u * np.abs(v) ** 2 - v * np.abs(u) ** 2) / turn
+    straight = np.abs(turn) < 1e-9 * np.abs(v) ** 2
+    between = np.stack([points[1::4], points[3::4]])
+    from_line = np.abs(((between - a) / v).imag * np.abs(v))
+    from_arc = np.abs(np.abs(between - centres) - np.abs(a - centres))
+    error = float(np.max(np.where(straight, from_line, from_arc)))
+    arcs = list[Segment]()
+    for line, centre, start, end in zip(
+        straight.tolist(), centres.tolist(), a.tolist(), points[4::4].tolist(), strict=True
+    ):
+        arcs.append(Segment(start, end, None if line else centre))
+    return arcs, error
 
 
 def section_of(job: SolidSection) -> FoundSection:
@@ -617,7 +686,8 @@ def section_of(job: SolidSection) -> FoundSection:
 
     The plate is perpendicular to the direction along which most of the surface is parallel or
     perpendicular to it, of equal ones the direction of the smallest thickness. Its two sides are
-    the plane faces across it with most area."""
+    the plane faces across it with most area.
+    """
     with _limited_memory(), gmsh_session() as gmsh:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
@@ -633,34 +703,45 @@ def section_of(job: SolidSection) -> FoundSection:
         solid = (3, solids[chosen])
         kernel.remove([(3, tag) for tag in solids if tag != solid[1]], recursive=True)
         kernel.synchronize()
-        faces = [
-            _SolidFace.of(gmsh.model, tag)
-            for _, tag in gmsh.model.getBoundary([solid], oriented=False)
-        ]
+        boundary = gmsh.model.getBoundary([solid], oriented=False)
+        faces = [_SolidFace.of(gmsh.model, tag) for _, tag in boundary]
         sides = _sides(faces)
-        if sides is None:
-            return FoundSection(
-                [], names, chosen, solid=kernel.getMass(*solid), other=_counted_faces(faces)
-            )
-        _lay_flat(kernel, solid, sides)
         volume = kernel.getMass(*solid)
-        low, high = np.reshape(kernel.getBoundingBox(*solid), (2, 3))
-        box = kernel.addRectangle(low[0] - 1, low[1] - 1, 0.0, *(high - low + 2)[:2])
-        section = kernel.intersect([(2, box)], [solid])[0]
-        kernel.synchronize()
-        contours = _contours(gmsh.model, [each for each in section if each[0] == 2], SECTION_ERROR)
-        curves = [tag for dim, tag in gmsh.model.getEntities(1)]
-        exact = all(gmsh.model.getType(1, tag) in ("Line", "Circle") for tag in curves)
-        thickness = sides.high - sides.low
-        other = _counted_faces([each for each in faces if not _fits(each, sides)])
-        plate = thickness * sum(map(area, contours))
-        return FoundSection(contours, names, chosen, thickness, volume, plate, other, exact)
+        if sides is None:
+            return FoundSection([], names, chosen, solid=volume, other=_counted_faces(faces))
+        _lay_flat(kernel, solid, sides)
+        contours = _contours(gmsh.model, _cut_in_middle(kernel, solid), SECTION_ERROR)
+        return FoundSection(
+            contours,
+            names,
+            chosen,
+            sides.high - sides.low,
+            volume,
+            (sides.high - sides.low) * sum(map(area, contours)),
+            _counted_faces([face for face in faces if not _fits(face, sides)]),
+            _only_lines_and_circles(gmsh.model),
+        )
+
+
+def _cut_in_middle(kernel: Any, solid: tuple[int, int]) -> list[tuple[int, int]]:
+    """Return the faces of the section of a solid by the plane z = 0, in place of the solid."""
+    low, high = np.reshape(kernel.getBoundingBox(*solid), (2, 3))
+    box = kernel.addRectangle(low[0] - 1, low[1] - 1, 0.0, *(high - low + 2)[:2])
+    section = kernel.intersect([(2, box)], [solid])[0]
+    kernel.synchronize()
+    return [each for each in section if each[0] == 2]
+
+
+def _only_lines_and_circles(model: Any) -> bool:
+    """Return whether every curve of a model is a line or a circular arc."""
+    return all(model.getType(1, tag) in ("Line", "Circle") for _, tag in model.getEntities(1))
 
 
 @contextmanager
 def _limited_memory() -> Iterator[None]:
-    """Limit the memory of this process to `MOST_MEMORY`, where the system can: files of others may
-    ask for any.
+    """Limit the memory of this process to `MOST_MEMORY`, where the system can.
+
+    Files of others may ask for any.
     """
     try:
         import resource
@@ -677,9 +758,7 @@ def _limited_memory() -> Iterator[None]:
 
 
 def _names_of_solids(model: Any, solids: Sequence[int], path: str) -> list[str]:
-    """Return the names of solids in the order of the file: of their products, else of the solids
-    themselves.
-    """
+    """Return the names of solids in the order of the file: of their products, else their own."""
     names = [model.getEntityName(3, tag).rpartition("/")[2] for tag in solids]
     if not any(names):
         found = SOLID_NAME.findall(Path(path).read_bytes())
@@ -697,9 +776,7 @@ def _chosen(part: int | str, names: Sequence[str]) -> int:
 
 
 class _SolidFace(NamedTuple):
-    """A face of a solid: its kind, area, mm^2, unit normals (n, 3) at points of it, and one point
-    (3,), mm.
-    """
+    """A face of a solid: kind, area, mm^2, unit normals (n, 3) at points, one point (3,), mm."""
 
     kind: str
     area: float
@@ -737,27 +814,13 @@ def _fits(face: _SolidFace, sides: _Sides) -> bool:
 def _sides(faces: Sequence[_SolidFace]) -> _Sides | None:
     """Return the two sides of a plate, None for a solid without two parallel plane faces."""
     planes = sorted((face for face in faces if face.kind == "Plane"), key=lambda face: -face.area)
-    directions = list[AnyArray]()
-    for face in planes:
-        normal = face.normals[0]
-        if len(directions) < MOST_DIRECTIONS and all(
-            abs(normal @ other) < 1 - 1e-9 for other in directions
-        ):
-            directions.append(normal)
     whole = sum(face.area for face in faces)
     best = None
     best_score = (-1.0, 0.0)
-    for normal in directions:
-        normal = normal * math.copysign(1.0, normal[np.argmax(np.abs(normal))])
-        at = dict[float, float]()
-        for face in planes:
-            if abs(face.normals[0] @ normal) > 1 - 1e-9:
-                place = round(float(face.point @ normal), 5)
-                at[place] = at.get(place, 0.0) + face.area
-        if len(at) < 2:
+    for normal in _directions(planes):
+        sides = _sides_across(planes, normal)
+        if sides is None:
             continue
-        one, other = sorted(at, key=lambda place: -at[place])[:2]
-        sides = _Sides(normal, min(one, other), max(one, other))
         share = sum(face.area for face in faces if _fits(face, sides)) / whole
         score = (round(share, 6), sides.low - sides.high)
         if score > best_score:
@@ -766,10 +829,32 @@ def _sides(faces: Sequence[_SolidFace]) -> _Sides | None:
     return best
 
 
+def _directions(planes: Sequence[_SolidFace]) -> list[AnyArray]:
+    """Return the distinct normals (3,) of the first plane faces, their largest part positive."""
+    found = list[AnyArray]()
+    for face in planes:
+        normal = face.normals[0]
+        normal = normal * math.copysign(1.0, normal[np.argmax(np.abs(normal))])
+        if len(found) < MOST_DIRECTIONS and all(abs(normal @ other) < PARALLEL for other in found):
+            found.append(normal)
+    return found
+
+
+def _sides_across(planes: Sequence[_SolidFace], normal: AnyArray) -> _Sides | None:
+    """Return the two planes across a normal with most area, None if there is one or none."""
+    areas = dict[float, float]()
+    for face in planes:
+        if abs(face.normals[0] @ normal) > PARALLEL:
+            place = round(float(face.point @ normal), 5)
+            areas[place] = areas.get(place, 0.0) + face.area
+    if len(areas) < 2:
+        return None
+    one, other = sorted(areas, key=lambda place: -areas[place])[:2]
+    return _Sides(normal, min(one, other), max(one, other))
+
+
 def _lay_flat(kernel: Any, solid: tuple[int, int], sides: _Sides) -> None:
-    """Turn a plate so that its normal points along z, by the smallest angle, and move its middle to
-    z = 0.
-    """
+    """Turn a plate by the smallest angle so that its normal is along z, and its middle at z = 0."""
     axis = np.cross(sides.normal, (0.0, 0.0, 1.0))
     sine = float(np.linalg.norm(axis))
     cosine = float(sides.normal[2])
@@ -804,17 +889,17 @@ def main() -> None:
             request = pickle.load(sys.stdin.buffer)
             try:
                 result = serve[type(request)](request)
-            except (
-                Exception
-            ) as error:  # gmsh raises bare Exception; the parent turns this into one line
+            except Exception as error:
+                # gmsh raises bare Exception; the parent turns this into one line
                 sys.exit(f"gmsh: {' '.join(str(error).split())}")
             pickle.dump(result, output)
             output.flush()
 
 
 class Limit:
-    """Seconds `left` for a sequence of tasks; of a gap between two polls at most `LONGEST_GAP`
-    counts.
+    """Seconds `left` for a sequence of tasks.
+
+    Of a gap between two polls at most `LONGEST_GAP` counts.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -871,7 +956,7 @@ class _Process:
         return self._child.poll() is None
 
     def run(self, request: Request, limit: Limit) -> Any:
-        """Serve a request as `run_mesher`; time during which flexfem is suspended does not count."""
+        """Serve a request as `run_mesher`; time while flexfem is suspended does not count."""
         self._request = pickle.dumps(request)
         received = list[Any]()
         exchange = Thread(target=self._exchange, args=(received,), daemon=True)
@@ -888,7 +973,7 @@ class _Process:
         return received[0]
 
     def _exchange(self, received: list[Any]) -> None:
-        """Send the request and append the result, in a thread; nothing if the process ends early."""
+        """Send the request and append the result, or nothing if the process ends early."""
         assert self._child.stdin and self._child.stdout
         with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
             self._child.stdin.write(self._request)

@@ -1,9 +1,9 @@
-"""Large displacements in the plane: total-Lagrangian finite elements, finite rotations, Newton's
-method.
+"""Large displacements in the plane: total-Lagrangian finite elements and Newton's method.
 
 Loads are dead: forces keep their direction and act at points that move with the bodies, moments do
-work on rotations. They act on the rigid hub of a stage, or on the ports of a plate, where bodies
-move by their `Contacts`."""
+work on rotations. They act on a rigid hub, or on the ports of a plate, where bodies move by their
+`Contacts`.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import block_diag
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import Array
 from flexfem.fem.body_stress import SIDES, moving_bodies
+from flexfem.fem.contacts import Contacts, contacts
 from flexfem.fem.elements import (
     ElementBatch,
     Plate,
@@ -26,7 +26,7 @@ from flexfem.fem.elements import (
 )
 from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
+from flexfem.fem.ports import PlateModel
 from flexfem.fem.structure import Structure, structure
 from flexfem.mechanism.curves import CurvePoint, Line
 from flexfem.refused import ComputationFailed
@@ -37,28 +37,26 @@ STALLED = 3
 ALL_ITERATIONS = 1000  # of one load; a stage takes 4 to 6
 ALL = (0, 1, 2)  # ports of a hub that is held
 SMALLEST = 1 / 1024  # load step, as a share of the way from one load to the next
-LARGEST_CHANGE = (
-    1.0  # of a displacement gradient, about rad, in one iteration; above it the load step is halved
-)
+# of a displacement gradient, about rad, in one iteration; above it the load step is halved
+LARGEST_CHANGE = 1.0
 LARGEST_STRAIN = 0.3  # St. Venant-Kirchhoff material loses its stiffness under compression at 1/3
 CONVERGED = 1e-11  # root of the predicted energy of the next Newton step over the stored energy
-EXACTLY = 1e-12  # relative: smaller eigenvalues of a matrix are zero
 ROUNDING = 1e-6  # same for the last step, when steps no longer decrease: necks of a um and less
 
 
 def green_lagrange(slopes: Array) -> Array:
-    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a`: `E = (H + H'
-    + H'H) / 2`.
+    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a`.
 
-    Unlike `(F'F - 1) / 2`, this does not subtract numbers near one for small strains.
+    It is `E = (H + H' + H'H) / 2`. Unlike `(F'F - 1) / 2`, this does not subtract numbers near one for small strains.
     """
     product = np.einsum("...caq,...cbq->...abq", slopes, slopes)
     return np.asarray((slopes + np.swapaxes(slopes, -3, -2) + product) / 2)
 
 
 def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Array) -> Array:
-    """Tangent (e, 6, 6, 1, 2, 2) per thickness at gradients H and second Piola-Kirchhoff stress S
-    (e, 2, 2, q).
+    """Tangent (e, 6, 6, 1, 2, 2) per thickness.
+
+    slopes, stress : (e, 2, 2, q), gradients H and second Piola-Kirchhoff stress S.
 
     Notes
     -----
@@ -75,26 +73,28 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
     lame, mu = plate.of(batch.numbers).lame(2, 5)
     root = batch.gradients * np.sqrt(weight)  # (e, i, A, q)
     deformation = slopes + np.eye(2)[:, :, None]
-    products = (
-        deformation[:, None, :, :, None] * root[:, :, None, None]
-    )  # F_aA d_C phi_i: (e, i, a, A, C, q)
+    # F_aA d_C phi_i: (e, i, a, A, C, q)
+    products = deformation[:, None, :, :, None] * root[:, :, None, None]
     p = np.trace(products, axis1=3, axis2=4).reshape(count, 12, -1)
     flat = products.reshape(count, 12, -1)
     m, f = ((part @ part.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2) for part in (p, flat))
     k = (lame * m + mu * (m.transpose(0, 1, 4, 3, 2) + f)).transpose(0, 1, 3, 2, 4)
-    stressed = np.einsum(
-        "eABq,eiBq->eiAq", stress * weight, batch.gradients, optimize=True
-    ).reshape(count, 6, -1)
-    k[..., range(2), range(2)] += (
-        stressed @ batch.gradients.reshape(count, 6, -1).transpose(0, 2, 1)
-    )[..., None]
+    stressed = np.einsum("eABq,eiBq->eiAq", stress * weight, batch.gradients, optimize=True)
+    flat_gradients = batch.gradients.reshape(count, 6, -1)
+    geometric = stressed.reshape(count, 6, -1) @ flat_gradients.transpose(0, 2, 1)
+    k[..., range(2), range(2)] += geometric[..., None]
     return np.asarray(k[:, :, :, None])
 
 
 class State(NamedTuple):
-    """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2,
-    2, q), MPa, for the tangent: before convergence it differs from the stress of the displacements.
-    Load (k,), N and N mm. Turn of every contact (c,), rad, which continues beyond half a turn."""
+    """Displacements of a structure, and the stress for its tangent.
+
+    pose : (3,), of the hub.   field : (n, 2), mm.
+    stress : second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of each batch; before convergence it
+    differs from that of the displacements.
+    load : (k,), N and N mm.
+    turn : (c,), rad, of every contact; it continues beyond half a turn.
+    """
 
     pose: Array
     field: Array
@@ -104,188 +104,63 @@ class State(NamedTuple):
 
 
 class InternalForces(NamedTuple):
-    """Internal forces (2f + 3,) on the unknowns of a state, stored energy, N mm, largest strain
-    component.
-    """
+    """Internal forces (2f + 3,) on the unknowns, stored energy, N mm, largest strain component."""
 
     forces: Array
     energy: float
     strain: float
 
 
-class Contacts(NamedTuple):
-    """Contacts of a plate with c parts of bodies, whose motion is the rigid motion nearest to that
-    of the part.
-
-    The motion of the part is linear in four numbers: displacements x and y of the point and
-    rotation of small motions, and stretch. With the rotation b and the stretch s, the nearest
-    rotation is `theta = arg(1 + s + i b)`: the polar decomposition of `int (r + u) r' dA` in the
-    plane, r from the centroid of the part.
-
-    gather : (4 c, size), rows of these numbers, from the unknowns.
-    arm : (c,), mm, from the centroid of the part to the point, complex.
-    wrenches : (k, c, 3), on the contacts by a unit load on every port.
-    """
-
-    gather: sp.csr_array
-    arm: AnyArray
-    wrenches: Array
-
-    def _motion(self, unknowns: Array) -> tuple[Array, AnyArray, AnyArray, Array]:
-        """Numbers (c, 4), turned part `1 + s + i b` and turned arm (c,), and the rates (c, 2) of
-        theta by b and s.
-        """
-        numbers = np.reshape(self.gather @ unknowns, (-1, 4))
-        turned = 1 + numbers[:, 3] + 1j * numbers[:, 2]
-        rates = 1 / turned
-        return (
-            numbers,
-            turned,
-            self.arm * turned / np.abs(turned),
-            np.stack([rates.real, rates.imag], axis=1),
-        )
-
-    def motions(self, unknowns: Array, near: Array) -> Array:
-        """Displacements and rotations (k,) of the ports, mm and rad; the rotations as those of
-        `turns`.
-        """
-        numbers, _, arm, _ = self._motion(unknowns)
-        moved = numbers[:, 0] + 1j * numbers[:, 1] + arm - self.arm * (1 + 1j * numbers[:, 2])
-        motion = np.stack([moved.real, moved.imag, self.turns(unknowns, near)], axis=1)
-        return np.asarray(np.einsum("kca,ca->k", self.wrenches, motion))
-
-    def turns(self, unknowns: Array, near: Array) -> Array:
-        """Rotations (c,) of the parts, rad, that are nearest to given ones."""
-        angle = np.angle(self._motion(unknowns)[1])
-        return np.asarray(angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi)))
-
-    def loads(self, unknowns: Array) -> Array:
-        """Loads (size, k) of unit loads on the ports: derivatives of the motions."""
-        _, _, arm, rates = self._motion(unknowns)
-        slopes = np.zeros((len(arm), 3, 4))  # of the motion by the numbers
-        slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
-        swing = np.stack([-arm.imag, arm.real, np.ones_like(arm.real)], axis=1)
-        slopes[:, :, 2:] = swing[:, :, None] * rates[:, None]
-        slopes[:, 0, 2] += self.arm.imag
-        slopes[:, 1, 2] -= self.arm.real
-        onto = np.einsum("kca,can->cnk", self.wrenches, slopes)
-        return np.asarray(self.gather.T @ onto.reshape(-1, len(self.wrenches)))
-
-    def change_of_loads(self, unknowns: Array, load: Array) -> tuple[Array, Array]:
-        """Derivative `Y H Y'` of the loads of (k,) by the unknowns: Y (size, 2 c), and H (2 c, 2
-        c).
-        """
-        _, _, arm, rates = self._motion(unknowns)
-        fx, fy, moment = np.einsum("k,kca->ac", load, self.wrenches)
-        first = moment - fx * arm.imag + fy * arm.real
-        second = -fx * arm.real - fy * arm.imag
-        squared = (
-            rates[:, 0] + 1j * rates[:, 1]
-        ) ** 2  # theta'' = Im(-dz dz / z^2), z' = i db + ds
-        bb = squared.imag
-        bs = -squared.real
-        H = first[:, None, None] * np.stack([np.stack([bb, bs], 1), np.stack([bs, -bb], 1)], 1)
-        H += second[:, None, None] * rates[:, :, None] * rates[:, None]
-        at = (4 * np.arange(len(arm))[:, None] + [2, 3]).ravel()
-        return self.gather[at].T.toarray(), block_diag(*H)
-
-    def softened(self, solve: Solve, unknowns: Array, load: Array) -> tuple[Solve, int]:
-        """Solver of a tangent less the derivative of the loads (k,) by the unknowns, a matrix of
-        rank 2 c.
-
-        And the number of negative pivots that this adds: by Haynsworth's sum of the inertias of the
-        tangent bordered by Y, with the inverse of -H."""
-        Y, whole = self.change_of_loads(unknowns, load)
-        soft = solve(Y)
-        inner = np.eye(len(whole)) - whole @ (Y.T @ soft)
-
-        def solved(b: Array) -> Array:
-            x = solve(b)
-            return x + soft @ np.linalg.solve(inner, whole @ (Y.T @ x))
-
-        values, vectors = np.linalg.eigh(whole)
-        used = np.abs(values) > EXACTLY * np.abs(values).max(initial=0.0)
-        within = vectors[:, used]
-        rest = np.diag(1 / values[used]) - within.T @ (Y.T @ soft) @ within
-        more = np.sum(np.linalg.eigvalsh(rest) < 0) - np.sum(values[used] < 0)
-        return solved, int(more)
-
-
-def contacts(model: PlateModel) -> Contacts:
-    """Return the contacts of the ports of a plate, less those with ground that does not move."""
-    layout = model.layout
-    structure = model.structure
-    parts = [patch for port in layout.ports for patch, _ in port.parts]
-    moving = [
-        at for at in dict.fromkeys(parts) if at.body >= 0 and not layout.bodies[at.body].fixed
-    ]
-    rows = list[Array]()
-    arms = list[complex]()
-    wrenches = np.zeros((len(layout.ports), len(moving), 3))
-    for patch in moving:
-        along_x, along_y, moment = contact_forces(model.layout, model.mesh, patch)
-        x, y = moment.T
-        arms.append(arm_of(along_x, along_y, moment))
-        numbers = np.stack([along_x, along_y, moment, np.column_stack([y, -x])])
-        rows.append(structure.loads(through_thickness(structure, numbers)).T)
-    for k, port in enumerate(layout.ports):
-        for patch, wrench in port.parts:
-            if patch in moving:
-                wrenches[k, moving.index(patch)] += wrench
-    return Contacts(sp.csr_array(np.concatenate(rows)), np.array(arms), wrenches)
-
-
-def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
-    """Return the arm, mm, from the centroid of a contact to its point, from nodal forces (n, 2) of
-    `contact_forces`.
-
-    A force at the point is one at the centroid with a moment.
-    """
-    x, y = moment.T
-    return complex(along_y[:, 0] @ x / (x @ x), -along_x[:, 1] @ y / (y @ y))
-
-
 class LargeStructure:
-    """A plane structure, and the contacts where it is loaded or a hub that rotates: `u = U +
-    (R(theta) - 1) r`.
+    """A plane structure that is loaded at contacts, or on a hub: `u = U + (R(theta) - 1) r`.
+
+    Attributes
+    ----------
+    free : number of unknowns of free nodes.
+    negative : number of negative pivots of the last derivative that was inverted.
     """
 
     def __init__(
         self, structure: Structure, contacts: Contacts | None = None, residual: float = 0.0
     ) -> None:
-        """`residual`: stress, MPa, in all directions of the plane, of the plate before it can
-        deform.
+        """Prepare a structure.
+
+        residual : stress, MPa, in all directions of the plane, before the plate can deform.
         """
         self.structure = structure
         self.pairs = structure.pairs
         self.factorise = Factoriser(structure.order(), structure.poses)
-        self.contacts, self.free = contacts, 2 * len(structure.free)
-        plate = structure.plate
+        self.contacts = contacts
+        self.free = 2 * len(structure.free)
+        self.negative = 0
         self.initial = np.zeros((2, 2, 1))
         if residual:  # of a plate of one material
-            self.initial = (
-                residual * (1 - plate.poissons_ratio) / plate.youngs_modulus * np.eye(2)[:, :, None]
-            )
-        self.negative = 0  # number of negative pivots of the last derivative that was inverted
+            plate = structure.plate
+            strain = residual * (1 - plate.poissons_ratio) / plate.youngs_modulus
+            self.initial = strain * np.eye(2)[:, :, None]
+
+    def at_rest(self) -> State:
+        """Return the state without displacements."""
+        return self.at(np.zeros(3), np.zeros_like(self.structure.mesh.nodes))
 
     def motions(self, state: State) -> Array:
-        """Displacements and rotations (k,) where loads act, mm and rad: the pose of the hub or
-        those of the ports.
-        """
-        return (
-            self.contacts.motions(self._unknowns(state), state.turn)
-            if self.contacts
-            else state.pose
-        )
+        """Displacements and rotations (k,), mm and rad, of the hub or of the ports."""
+        if self.contacts is None:
+            return state.pose
+        return self.contacts.motions(self._unknowns(state), state.turn)
 
     def loads(self, state: State) -> Array:
         """Loads (size, k) on the unknowns by unit loads."""
         size = self.structure.size
-        return (
-            self.contacts.loads(self._unknowns(state))
-            if self.contacts
-            else np.eye(size, 3, 3 - size)
-        )
+        if self.contacts is None:
+            return np.eye(size, 3, 3 - size)
+        return self.contacts.loads(self._unknowns(state))
+
+    def turns(self, field: Array, near: Array) -> Array:
+        """Rotations (c,) of the contacts, rad, for displacements (n, 2), nearest to given ones."""
+        if self.contacts is None:
+            return near
+        return self.contacts.turns(field[self.structure.free].ravel(), near)
 
     def solver(self, state: State, load: Array) -> Solve:
         """Inverse of the derivative of internal forces less loads (k,)."""
@@ -301,9 +176,7 @@ class LargeStructure:
         return state.field[self.structure.free].ravel()
 
     def hub_motion(self, pose: Array) -> tuple[Array, Array]:
-        """Displacements (h, 2), mm, and rotated moment arms (h, 2), mm, of the hub nodes at a pose
-        (3,), mm and rad.
-        """
+        """Displacements and rotated moment arms (h, 2), mm, of the hub nodes at a pose (3,)."""
         s = np.sin(pose[2])
         c = -2.0 * np.sin(pose[2] / 2) ** 2  # c = cosine - 1
         arms = self.structure.mesh.nodes[self.structure.hub]
@@ -315,36 +188,34 @@ class LargeStructure:
         return np.reshape(self.structure.line.rigid(self.hub_motion(pose)[1]), (-1, 3))
 
     def at(self, pose: Array, field: Array) -> State:
-        """Return the state of displacements (n, 2), mm, with those of the hub replaced by the
-        motion of the pose.
-        """
+        """Return the state of displacements (n, 2), mm, with the hub at a pose."""
         field = field.copy()
         field[self.structure.hub] = self.hub_motion(pose)[0]
-        parts = zip(self.structure.batches, self._slopes(field), strict=True)
-        stress = [self.stress_of(batch, green_lagrange(slopes)) for batch, slopes in parts]
-        ports = len(self.contacts.wrenches) if self.contacts else 3
-        return State(
-            pose,
-            field,
-            stress,
-            np.zeros(ports),
-            np.zeros(len(self.contacts.arm) if self.contacts else 0),
-        )
+        strains = [green_lagrange(slopes) for slopes in self._slopes(field)]
+        ports = 3
+        contacts = 0
+        if self.contacts is not None:
+            ports = len(self.contacts.wrenches)
+            contacts = len(self.contacts.arm)
+        return State(pose, field, self._stress(strains), np.zeros(ports), np.zeros(contacts))
 
     def _slopes(self, field: Array) -> list[Array]:
-        return [
-            batch.slopes(self.structure.line, field[None])[0] for batch in self.structure.batches
-        ]
+        line = self.structure.line
+        return [batch.slopes(line, field[None])[0] for batch in self.structure.batches]
+
+    def _stress(self, strains: list[Array]) -> list[Array]:
+        """Stress as `stress_of`, of the strains of each batch."""
+        pairs = zip(self.structure.batches, strains, strict=True)
+        return [self.stress_of(batch, strain) for batch, strain in pairs]
 
     def stress_of(self, batch: ElementBatch, strain: Array) -> Array:
-        """Second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of strains of a batch, with the residual
-        stress.
-        """
+        """Second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of strains, with the residual stress."""
         return stress_tensor(self.structure.plate.of(batch.numbers), strain + self.initial)
 
     def nodal(self, state: State, slopes: list[Array]) -> Array:
-        """Nodal forces (n, 2), N, that balance the stress of a state with displacement gradients by
-        batch.
+        """Nodal forces (n, 2), N, that balance the stress of a state.
+
+        slopes : displacement gradients of each batch.
         """
         forces = np.zeros((1, *state.field.shape))
         for batch, H, stress in zip(self.structure.batches, slopes, state.stress, strict=True):
@@ -353,37 +224,33 @@ class LargeStructure:
         return np.asarray(forces[0])
 
     def internal(self, state: State) -> InternalForces:
-        """Return forces, energy and strain of the displacements of a state; its stress is not used."""
+        """Return forces, energy and strain of the displacements of a state; not of its stress."""
         structure = self.structure
         slopes = self._slopes(state.field)
         strains = [green_lagrange(H) for H in slopes]
-        stress = [
-            self.stress_of(batch, strain)
-            for batch, strain in zip(structure.batches, strains, strict=True)
-        ]
-        consistent = state._replace(stress=stress)
-        forces = self.nodal(consistent, slopes)
+        stress = self._stress(strains)
+        forces = self.nodal(state._replace(stress=stress), slopes)
         on_hub = forces[structure.hub].ravel() @ self.hub_jacobian(state.pose)
-        parts = zip(strains, consistent.stress, structure.batches, strict=True)
+        on_unknowns = np.append(forces[structure.free].ravel(), on_hub[: structure.poses])
         products = [
-            float(np.sum((e + self.initial) * s * b.weights[:, None, None])) for e, s, b in parts
+            float(np.sum((strain + self.initial) * own * batch.weights[:, None, None]))
+            for strain, own, batch in zip(strains, stress, structure.batches, strict=True)
         ]
-        energy = sum(products) * structure.plate.thickness
+        energy = sum(products) * structure.plate.thickness / 2
         largest = max(float(np.max(np.abs(strain))) for strain in strains)
-        on_free = forces[structure.free].ravel()
-        return InternalForces(np.append(on_free, on_hub[: structure.poses]), energy / 2, largest)
+        return InternalForces(on_unknowns, energy, largest)
 
     def tangent(self, state: State) -> sp.csr_array:
-        """Lower triangle (2f + 3, 2f + 3) of the derivative of the internal forces, with the stress
-        of the state.
+        """Lower triangle (2f + 3, 2f + 3) of the derivative of the internal forces.
+
+        It uses the stress of the state.
         """
         structure = self.structure
         slopes = self._slopes(state.field)
         parts = zip(structure.batches, slopes, state.stress, strict=True)
         blocks = (tangent_blocks(batch, structure.plate, H, stress) for batch, H, stress in parts)
-        K = structure.tie_hub(
-            assembled(self.pairs, blocks, structure.line), self.hub_jacobian(state.pose)
-        )
+        free_and_hub = assembled(self.pairs, blocks, structure.line)
+        K = structure.tie_hub(free_and_hub, self.hub_jacobian(state.pose))
         if structure.poses:
             hub_forces = self.nodal(state, slopes)[structure.hub]
             arms = self.hub_motion(state.pose)[1]
@@ -392,8 +259,7 @@ class LargeStructure:
 
 
 class Equilibria(NamedTuple):
-    """Equilibria at s loads or poses, computed one after the other from rest, with k = 3 for a hub,
-    or k ports.
+    """Equilibria at s loads or poses, one after the other from rest; k = 3 for a hub, or k ports.
 
     load : (s, k), on the hub or the ports, N and N mm.   pose : (s, k), displacement of these, mm
     and rad.
@@ -412,10 +278,9 @@ class Equilibria(NamedTuple):
 
 
 def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
-    """Compute equilibria under dead loads (k, 3) or (3,) on the hub, each from the one before, the
-    first from rest.
+    """Compute equilibria under dead loads (k, 3) or (3,) on the hub, each from the one before.
 
-    A load is a force, N, of fixed direction at the moving platform centre and a moment, N mm,
+    The first is found from rest. A load is a force, N, of fixed direction at the moving platform centre and a moment, N mm,
     conjugate to theta.
 
     Raises ComputationFailed when Newton's method fails even with the smallest load steps.
@@ -432,22 +297,19 @@ def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
 
 
 def equilibria(model: PlateModel, loads: Array) -> Equilibria:
-    """Compute equilibria of a plane plate under dead loads (s, k) on its ports, N and N mm, as
-    `equilibrium`.
-    """
+    """Compute equilibria as `equilibrium` of a plane plate under dead loads (s, k) on its ports."""
     return _equilibria(LargeStructure(model.structure, contacts(model)), loads)
 
 
 def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
-    """Compute equilibria with the hub held at poses (k, 3) or (3,), mm and rad, by `load`, as
-    `equilibrium`.
-    """
+    """Compute equilibria as `equilibrium` with the hub held at poses (k, 3) or (3,), mm and rad."""
     return _equilibria(LargeStructure(structure(mesh, plate)), poses, ALL)
 
 
 def driven(model: PlateModel, ports: Sequence[int], motions: Array) -> Equilibria:
-    """Compute equilibria of a plane plate whose ports (p,) are held at motions (s, p), mm and rad,
-    as `equilibrium`.
+    """Compute equilibria as `equilibrium` of a plane plate whose ports (p,) are held at motions.
+
+    motions : (s, p), mm and rad.
 
     The other ports are free of load; the loads are those that hold the ports.
     """
@@ -457,8 +319,8 @@ def driven(model: PlateModel, ports: Sequence[int], motions: Array) -> Equilibri
 class PlateTangent(NamedTuple):
     """Tangent of a plane plate at an equilibrium.
 
-    compliance : (k, k), of the ports.   solve : inverse of the tangent stiffness.   field : (n, 2),
-    mm.
+    compliance : (k, k), of the ports.   solve : inverse of the tangent stiffness.
+    field : (n, 2), mm.
     strain : largest magnitude of a component of the strain by displacements.
     """
 
@@ -469,17 +331,14 @@ class PlateTangent(NamedTuple):
 
 
 def tangent_at(model: PlateModel, load: Array) -> PlateTangent:
-    """Return the tangent at the equilibrium under a dead load (k,) on the ports and the residual
-    stress of a plate.
+    """Return the tangent at the equilibrium under a dead load (k,) and the residual stress.
 
     Raises ComputationFailed when Newton's method fails even with the smallest load steps.
     """
     large = LargeStructure(model.structure, contacts(model), model.layout.residual_stress)
-    state = large.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes))
-    step, _ = _advance(large, state, np.zeros_like(load), load, (), 0.0)
-    return PlateTangent(
-        step.compliance, step.solve, step.state.field, large.internal(step.state).strain
-    )
+    step, _ = _advance(large, large.at_rest(), np.zeros_like(load), load, (), 0.0)
+    strain = large.internal(step.state).strain
+    return PlateTangent(step.compliance, step.solve, step.state.field, strain)
 
 
 class PulledElements:
@@ -492,14 +351,13 @@ class PulledElements:
     def rest(self) -> CurvePoint:
         """Return the equilibrium at rest."""
         large = self.large
-        state = large.at(np.zeros(3), np.zeros_like(large.structure.mesh.nodes))
+        state = large.at_rest()
         loads = large.loads(state)
         compliance = loads.T @ large.solver(state, state.load)(loads)
         return CurvePoint(large.motions(state), state.load, compliance, 0, 0.0, state)
 
     def on_line(self, near: CurvePoint, line: Line) -> CurvePoint | None:
-        """Return the equilibrium at which the motion u of the port and the load f on it are on a
-        line.
+        """Return the equilibrium at which motion u and load f of the port are on a line.
 
         near : an equilibrium to start from.   line : a, b and c of `a u + b f = c`.
         None without one near, and where the strain is too large for the material law.
@@ -517,20 +375,19 @@ class PulledElements:
         if internal.strain > LARGEST_STRAIN:
             return None
         loads = large.loads(state)
-        moved = (
-            loads.T[self.port] @ step.solve((loads @ state.load - internal.forces)[:, None])[:, 0]
-        )
+        residual = loads @ state.load - internal.forces
+        moved = loads.T[self.port] @ step.solve(residual[:, None])[:, 0]
         load = state.load.copy()
         load[self.port] -= a * moved / (a * step.compliance[self.port, self.port] + b)
         state = state._replace(load=load)
-        return CurvePoint(
-            large.motions(state), load, step.compliance, large.negative, internal.strain, state
-        )
+        motions = large.motions(state)
+        return CurvePoint(motions, load, step.compliance, large.negative, internal.strain, state)
 
 
 def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
-    """Return the highest von Mises stress of hinges (h,) and moving bodies (b,), MPa, for
-    displacements (n, 2), mm.
+    """Return the highest von Mises stress of hinges (h,) and moving bodies (b,), MPa.
+
+    field : (n, 2), mm, displacements.
 
     It is that of the second Piola-Kirchhoff stress, whose axes turn with the material; strains are
     small. The nodes are those of `ports.hinge_stress` and of `body_stress.body_nodes`."""
@@ -551,9 +408,9 @@ def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
 
 
 def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> float:
-    """Return the distance, mm, of the edges of two parts for displacements (n, 2), mm; zero where
-    they overlap.
+    """Return the distance, mm, of the edges of two parts; zero where they overlap.
 
+    field : (n, 2), mm, displacements.
     parts : numbers of bodies, or of hinges after them, as in the mesh.
     """
     import shapely
@@ -584,11 +441,9 @@ class _Step(NamedTuple):
 
 
 def _equilibria(model: LargeStructure, targets: Array, held: Sequence[int] = ()) -> Equilibria:
-    """Return the equilibria at loads (s, k) or (k,), or at motions (s, p) or (p,) of the p held
-    ports.
-    """
+    """Return the equilibria at loads (s, k) or (k,), or at motions (s, p) or (p,) of p held ports."""
     targets = np.atleast_2d(np.asarray(targets, dtype=float))
-    state = model.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes))
+    state = model.at_rest()
     start = np.zeros_like(targets[0])
     scale = 0.0
     rows = []
@@ -608,8 +463,9 @@ def _advance(
     held: Sequence[int],
     scale: float,
 ) -> tuple[_Step, float]:
-    """Advance from `start`, a load or motions of held ports, to `target`, in smaller steps where
-    one fails.
+    """Advance from `start` to `target`, loads or motions of held ports.
+
+    The steps are smaller where one fails.
     """
     done = 0.0
     part = 1.0
@@ -643,9 +499,9 @@ def _newton(
     scale: float,
     weights: tuple[float, float] = (1.0, 0.0),
 ) -> tuple[_Step | None, int]:
-    """Return the step to equilibrium at `goal`, or None; its size is relative to an energy of at
-    least `scale`.
+    """Return the step to equilibrium at `goal`, or None, and the number of iterations.
 
+    scale : energy, N mm, to which the size of the step is relative if it is larger than its own.
     weights : of the motions and of the loads of the held ports, whose weighted sums are the goal.
     """
     last = 1.0
@@ -674,49 +530,71 @@ def _step(
     held: Sequence[int],
     weights: tuple[float, float] = (1.0, 0.0),
 ) -> _Step:
-    """Take a Newton step towards a load, or weighted sums of motions and loads of held ports, whose
-    load is found.
+    """Take a Newton step towards a goal.
+
+    goal : a load (k,), or weighted sums (p,) of motions and loads of held ports, whose load is
+    found.
     """
     structure = model.structure
     internal = model.internal(state)
-    load = state.load if held else goal
     loads = model.loads(state)
-    solve = model.solver(state, load)
-    residual = -internal.forces
-    solution = solve(np.column_stack([residual, loads]))
-    change = solution[:, 0]
+    solve = model.solver(state, state.load if held else goal)
+    solution = solve(np.column_stack([-internal.forces, loads]))
     unit = solution[:, 1:]
+    load = goal
     if held:
-        ports = list(held)
-        remaining = goal - weights[0] * (model.motions(state)[ports] + loads.T[ports] @ change)
-        load = np.zeros_like(load)
-        onto = weights[0] * loads.T[ports] @ unit[:, ports] + weights[1] * np.eye(len(ports))
-        load[ports] = np.linalg.solve(onto, remaining)
-    change = change + unit @ load
-    residual = residual + loads @ load
+        moved = model.motions(state) + loads.T @ solution[:, 0]
+        load = _load_of_held(goal, held, weights, moved, loads.T @ unit)
+    change = solution[:, 0] + unit @ load
+    size = float(np.sqrt(abs(change @ (loads @ load - internal.forces))))
+    turned = change[model.free :] if structure.poses else np.zeros(3)
+    pose = goal if held and structure.poses else state.pose + turned
     linear = np.zeros_like(state.field)
     linear[structure.free] = change[: model.free].reshape(-1, 2)
-    moved = state.field + linear
-    turned = change[model.free :] if structure.poses else np.zeros(3)
+    field = state.field + linear
+    field[structure.hub] = model.hub_motion(pose)[0]
     linear[structure.hub] = (model.hub_jacobian(state.pose) @ turned).reshape(-1, 2)
-    pose = goal if held and structure.poses else state.pose + turned
-    moved[structure.hub] = model.hub_motion(pose)[0]
-    stress = []
-    largest = 0.0  # stress to first order in the change
-    for batch in structure.batches:
-        slopes, changes = batch.slopes(structure.line, np.stack([state.field, linear]))
+    stress, largest = _predicted_stress(model, state, linear)
+    following = State(pose, field, stress, load, model.turns(field, state.turn))
+    return _Step(following, size, internal.energy, largest, loads.T @ unit, solve)
+
+
+def _load_of_held(
+    goal: Array,
+    held: Sequence[int],
+    weights: tuple[float, float],
+    moved: Array,
+    compliance: Array,
+) -> Array:
+    """Return the load (k,) on held ports by which weighted sums (p,) reach a goal.
+
+    moved : (k,), motions of the ports after the step without load.   compliance : (k, k).
+    """
+    ports = list(held)
+    remaining = goal - weights[0] * moved[ports]
+    onto = weights[0] * compliance[np.ix_(ports, ports)] + weights[1] * np.eye(len(ports))
+    load = np.zeros(len(compliance))
+    load[ports] = np.linalg.solve(onto, remaining)
+    return load
+
+
+def _predicted_stress(
+    model: LargeStructure, state: State, change: Array
+) -> tuple[list[Array], float]:
+    """Return the stress of each batch to first order in a change of displacements (n, 2).
+
+    The second value is the largest change of a displacement gradient.
+    """
+    line = model.structure.line
+    stress = list[Array]()
+    largest = 0.0
+    for batch in model.structure.batches:
+        slopes, changes = batch.slopes(line, np.stack([state.field, change]))
         largest = np.maximum(largest, np.max(np.abs(changes)))  # propagates nan
         half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)  # F' dH
         rate = (half + np.swapaxes(half, -3, -2)) / 2
         stress.append(model.stress_of(batch, green_lagrange(slopes) + rate))
-    size = float(np.sqrt(abs(change @ residual)))
-    turn = (
-        model.contacts.turns(moved[structure.free].ravel(), state.turn)
-        if model.contacts
-        else state.turn
-    )
-    state = State(pose, moved, stress, load, turn)
-    return _Step(state, size, internal.energy, float(largest), loads.T @ unit, solve)
+    return stress, float(largest)
 
 
 def _entries(model: LargeStructure, step: _Step, held: Sequence[int]) -> tuple[Any, ...]:
@@ -730,9 +608,8 @@ def _entries(model: LargeStructure, step: _Step, held: Sequence[int]) -> tuple[A
             f"{LARGEST_STRAIN:g}, above which the material law is not valid"
         )
     load = state.load
-    if (
-        held
-    ):  # the residual corrects the load that holds the ports for the round-off of stiff bodies
+    if held:
+        # the residual corrects the load that holds the ports for the round-off of stiff bodies
         ports = list(held)
         loads = model.loads(state)
         residual = loads @ load - internal.forces

@@ -104,14 +104,14 @@ def _mirror_images(marks: Sequence[_Mark], about: complex) -> list[Move]:
     return []
 
 
-class Divided(NamedTuple):
+class DividedRegions(NamedTuple):
     """Regions with circles whose corners the moves keep, and the lines between sectors or halves."""
 
     regions: list[Region]
     lines: list[Line]
 
 
-def divided(layout: Layout, regions: list[Region], moves: list[Move]) -> Divided:
+def divided(layout: Layout, regions: list[Region], moves: list[Move]) -> DividedRegions:
     """Divide the regions of a plate for the moves of `symmetry_of`."""
     faces = [body_polygon(layout, index) for index in range(len(layout.bodies))]
     mirrored = moves[0].mirrored
@@ -129,7 +129,7 @@ def divided(layout: Layout, regions: list[Region], moves: list[Move]) -> Divided
         loops, more = _cornered_loops(body, regions[index], along, about)
         drawn.append(regions[index]._replace(loops=loops))
         lines += more
-    return Divided([*drawn, *regions[len(faces) :]], lines)
+    return DividedRegions([*drawn, *regions[len(faces) :]], lines)
 
 
 def _mirror_line(layout: Layout, faces: Sequence[Any], move: Move) -> list[Line]:

@@ -1,5 +1,4 @@
-"""Finite elements of any plate mechanism: unit loads on its ports, weight, heat and modes from one
-factorisation.
+"""Finite elements of a mechanism: loads on its ports, weight, heat and modes by one factorisation.
 
 A load acts at a contact as a body force over a part of a body, and the motion of the contact is
 conjugate to it (see `Patch`), so that the compliance between ports is symmetric. Bodies that are
@@ -9,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,9 +34,8 @@ from flexfem.mechanism.plate import in_hinge
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses
-SUBDIVISION_AT_HINGE = (
-    16  # the same where the end of a hinge crosses: drift is as exact as the mean of a body
-)
+# the same where the end of a hinge crosses: drift is as exact as the mean of a body
+SUBDIVISION_AT_HINGE = 16
 # of a part of a body that is no more than a point: its second moment, per that about a remote point
 SLIVER = 1e-9
 
@@ -49,20 +48,16 @@ def plate_of_layout(
     mesh : with the parts of the layout, for elastic constants of its triangles; needed if these
     differ."""
     if layout.mixed and mesh is not None:
-        E, nu, ratio = np.array([[*one[:2], one.out_of_plane] for one in layout.materials])[
-            mesh.bodies
-        ].T
+        constants = [[*one[:2], one.out_of_plane] for one in layout.materials]
+        E, nu, ratio = np.array(constants)[mesh.bodies].T
     else:
         E = layout.youngs_modulus
         nu = layout.poissons_ratio
         ratio = layout.out_of_plane
     if layers is None:
         return Plate(E, nu, layout.thickness)
-    return Plate(
-        E * (1 - ratio**2),
-        np.where(ratio, ratio, nu) if np.ndim(nu) else ratio or nu,
-        layout.thickness,
-    )
+    own_nu = np.where(ratio, ratio, nu) if np.ndim(nu) else ratio or nu
+    return Plate(E * (1 - ratio**2), own_nu, layout.thickness)
 
 
 def layers_of_layout(layout: Layout, number: int, antisymmetric: bool = False) -> Layers:
@@ -77,8 +72,9 @@ def layers_of_layout(layout: Layout, number: int, antisymmetric: bool = False) -
 
 
 def density_of_layout(layout: Layout, mesh: StageMesh) -> float | Array:
-    """Return the density, tonne/mm^3, of a layout, or those of the triangles of a mesh if its parts
-    differ.
+    """Return the density, tonne/mm^3, of a layout.
+
+    It is that (m,) of the triangles of a mesh if parts have different materials.
     """
     if not layout.mixed:
         return layout.density
@@ -87,9 +83,8 @@ def density_of_layout(layout: Layout, mesh: StageMesh) -> float | Array:
 
 def held_nodes(layout: Layout, mesh: StageMesh) -> Index:
     """Nodes of fixed bodies and clamped edges, ascending."""
-    return np.unique(
-        np.append(mesh.triangles[_is_fixed(layout, mesh)], mesh.edges.get("clamped", NONE))
-    )
+    of_fixed = mesh.triangles[_is_fixed(layout, mesh)]
+    return np.unique(np.append(of_fixed, mesh.edges.get("clamped", NONE)))
 
 
 def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
@@ -97,80 +92,96 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
     return np.isin(mesh.bodies, np.flatnonzero([body.fixed for body in layout.bodies]))
 
 
+class _ContactArea(NamedTuple):
+    """Triangles (m, 6) of a body that may be within a radius, mm, of a point."""
+
+    triangles: Index
+    radius: float
+
+
 def contact_forces(layout: Layout, mesh: StageMesh, patch: Patch, lifting: bool = False) -> Array:
-    """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the
-    point of a patch.
+    """Nodal forces (3, n, 2) of unit loads at the point of a patch: forces along x and y, moment.
 
     If `lifting`, forces (3, n, 1) along z, of a unit force along z and unit moments about x and y.
-    They are zero for a patch on the ground outside the plate. Radii below a fifth of a triangle are
-    increased. The corners of hinges that the mesh counts with the body, see `plate.end_lines`,
-    carry no load. Raises ComputationFailed when no part of the body is within the radius."""
-    triangles = mesh.triangles[mesh.bodies == patch.body]
-    point = np.array([patch.point.real, patch.point.imag])
-    sums = np.zeros((3, len(mesh.nodes)))
-    radius = np.inf
-    whole = quadrature(MASS_QUADRATURE)
+    They are in N and N mm, and zero for a patch on the ground outside the plate. Radii below a
+    fifth of a triangle are increased. The corners of hinges that the mesh counts with the body, see
+    `plate.end_lines`, carry no load.
+
+    Raises ComputationFailed when no part of the body is within the radius.
+    """
     if patch.body < 0:
-        return np.zeros((*sums.shape, 1 if lifting else 2))
-    if patch.radius is not None and len(triangles):
-        at = mesh.nodes[triangles] - point
-        middle = at.mean(axis=1)
-        size = np.max(np.hypot(*(at - middle[:, None]).T), axis=0)
-        away = np.hypot(*middle.T)
-        radius = max(patch.radius, float(size[np.argmin(away)]) / 3)
-        triangles = triangles[away < radius + size]
-    at = mesh.nodes[triangles] - point
-    inside = np.max(np.hypot(*at.T), axis=0, initial=0.0) <= radius
+        return np.zeros((3, len(mesh.nodes), 1 if lifting else 2))
+    area = _contact_area(mesh, patch)
+    even, along_x, along_y = _forces_of_densities(layout, mesh, patch, area)
+    arms = mesh.nodes - [patch.point.real, patch.point.imag]
+    zero = np.zeros_like(even)
+    forces = np.moveaxis(np.array([[even, zero], [zero, even], [-along_y, along_x]]), 1, 2)
+    resultants = resultants_of(arms, forces)
+    if not np.linalg.det(resultants) > SLIVER * resultants[0, 0] ** 2 * resultants[2, 2]:
+        raise ComputationFailed(
+            f"no part of body {patch.body} within {area.radius:g} mm of "
+            f"({patch.point.real:g}, {patch.point.imag:g}) mm"
+        )
+    if lifting:
+        along_z = np.array([even, along_y, -along_x])
+        moments = np.stack([np.ones(len(mesh.nodes)), *arms.T[::-1]])
+        resultants = np.diag([1.0, 1.0, -1.0]) @ moments @ along_z.T
+        forces = along_z[..., None]
+    return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
+
+
+def _contact_area(mesh: StageMesh, patch: Patch) -> _ContactArea:
+    """Return the triangles near the point of a patch, all of its body if it has no radius."""
+    triangles = mesh.triangles[mesh.bodies == patch.body]
+    if patch.radius is None or not len(triangles):
+        return _ContactArea(triangles, np.inf)
+    at = mesh.nodes[triangles] - [patch.point.real, patch.point.imag]
+    middle = at.mean(axis=1)
+    size = np.max(np.hypot(*(at - middle[:, None]).T), axis=0)
+    away = np.hypot(*middle.T)
+    radius = max(patch.radius, float(size[np.argmin(away)]) / 3)
+    return _ContactArea(triangles[away < radius + size], radius)
+
+
+def _forces_of_densities(
+    layout: Layout, mesh: StageMesh, patch: Patch, area: _ContactArea
+) -> Array:
+    """Nodal forces (3, n) of the densities 1, x and y from the point, over the area of a contact.
+
+    Triangles that the edge of the area or a hinge crosses are divided.
+    """
+    triangles, radius = area
+    point = np.array([patch.point.real, patch.point.imag])
+    inside = np.max(np.hypot(*(mesh.nodes[triangles] - point).T), axis=0, initial=0.0) <= radius
     crossed = _in_hinges(layout, patch.body, mesh.nodes[triangles] @ [1, 1j]).any(axis=1)
     parts = [
-        (triangles[inside & ~crossed], whole),
+        (triangles[inside & ~crossed], quadrature(MASS_QUADRATURE)),
         (triangles[~inside & ~crossed], _subdivided(SUBDIVISION)),
         (triangles[crossed], _subdivided(SUBDIVISION_AT_HINGE)),
     ]
+    forces = np.zeros((3, len(mesh.nodes)))
     for chosen, (points, weights) in parts:
         phi = shape_functions(points)[0]
         determinant = gradients(mesh.nodes[chosen], points)[1]
         x, y = np.einsum("eid,iq->deq", mesh.nodes[chosen] - point, phi)
-        counted = (np.hypot(x, y) <= radius) & ~_in_hinges(
-            layout, patch.body, patch.point + x + 1j * y
-        )
-        area = np.abs(determinant) * weights * counted
-        one = np.ones_like(x)
-        nodal = np.einsum("keq,iq->kei", np.array([one, x, y]) * area, phi)
-        for total, values in zip(sums, nodal, strict=True):
-            np.add.at(total, chosen, values)
-    even, along_x, along_y = sums  # nodal forces of densities 1, x and y
-    zero = np.zeros_like(even)
-    forces = np.moveaxis(np.array([[even, zero], [zero, even], [-along_y, along_x]]), 1, 2)
-    resultants = resultants_of(mesh.nodes - point, forces)
-    if not np.linalg.det(resultants) > SLIVER * resultants[0, 0] ** 2 * resultants[2, 2]:
-        raise ComputationFailed(
-            f"no part of body {patch.body} within {radius:g} mm of ({point[0]:g}, {point[1]:g}) mm"
-        )
-    if lifting:
-        forces = np.array([even, along_y, -along_x])
-        arms = np.stack([np.ones(len(mesh.nodes)), *(mesh.nodes - point).T[::-1]])
-        resultants = np.diag([1.0, 1.0, -1.0]) @ arms @ forces.T
-        forces = forces[..., None]
-    return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
+        in_hinges = _in_hinges(layout, patch.body, patch.point + x + 1j * y)
+        counted = (np.hypot(x, y) <= radius) & ~in_hinges
+        densities = np.array([np.ones_like(x), x, y]) * (np.abs(determinant) * weights * counted)
+        nodal = np.einsum("keq,iq->kei", densities, phi)
+        for force, values in zip(forces, nodal, strict=True):
+            np.add.at(force, chosen, values)
+    return forces
 
 
 def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:
     """Nodal forces (k, n, 2), N, of unit loads on the ports, those on held nodes included."""
-    contacts = {
-        patch: contact_forces(layout, mesh, patch)
-        for port in layout.ports
-        for patch, _ in port.parts
-    }
-    return np.array(
-        [
-            np.sum(
-                [np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts],
-                axis=0,
-            )
-            for port in layout.ports
-        ]
-    )
+    patches = dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts)
+    contacts = {patch: contact_forces(layout, mesh, patch) for patch in patches}
+    found = list[Array]()
+    for port in layout.ports:
+        parts = [np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts]
+        found.append(np.sum(parts, axis=0))
+    return np.array(found)
 
 
 def _in_hinges(layout: Layout, body: int, z: AnyArray) -> NDArray[np.bool_]:
@@ -183,8 +194,9 @@ def _in_hinges(layout: Layout, body: int, z: AnyArray) -> NDArray[np.bool_]:
 
 
 def _subdivided(count: int) -> tuple[Array, Array]:
-    """Points (q, 2) and weights (q,) of the midpoint rule on a reference triangle with divided
-    sides.
+    """Points (q, 2) and weights (q,) of the midpoint rule on a divided reference triangle.
+
+    count : of parts of each side.
     """
     corners = [(i, j, up) for i in range(count) for j in range(count - i) for up in (1, 2)]
     points = np.array([(i + up / 3, j + up / 3) for i, j, up in corners if i + j + up <= count])
@@ -226,17 +238,16 @@ class PlateModel(Factorised):
 
 
 def through_thickness(structure: Structure, plane: Array) -> Array:
-    """Spread forces (k, n, 2) in the plane, or (k, n, 1) along z, evenly through the thickness: (k,
-    n, ...).
+    """Spread forces (k, n, 2) in the plane, or (k, n, 1) along z, evenly through the thickness.
+
+    The result is (k, n, *shape) as of `Structure`.
     """
     line = structure.line
     if line.axes == 2:
         return plane
     share = line.values @ line.weights / line.weights.sum()
-    return np.pad(
-        plane[:, :, None] * share[:, None],
-        [*[(0, 0)] * 3, (0, 1) if plane.shape[2] == 2 else (2, 0)],
-    )
+    missing = (0, 1) if plane.shape[2] == 2 else (2, 0)
+    return np.pad(plane[:, :, None] * share[:, None], [(0, 0), (0, 0), (0, 0), missing])
 
 
 def _hinge_nodes(layout: Layout, mesh: StageMesh) -> tuple[Index, ...]:
@@ -250,10 +261,9 @@ def _hinge_nodes(layout: Layout, mesh: StageMesh) -> tuple[Index, ...]:
 
 
 def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool_]:
-    """Return which nodes (n, 2) of a hinge are near a fixed body, higher than a quarter of the way
-    from neck to end.
+    """Return which nodes (n, 2) of a hinge are near a fixed body.
 
-    A fixed body is rigid. The stress at the corners of such an end is therefore singular, in heat
+    There the hinge is higher than a quarter of the way from neck to end. A fixed body is rigid. The stress at the corners of such an end is therefore singular, in heat
     most of all."""
     x = ((nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)).real
     high = joint.profile.height(x) > 0.75 * joint.profile.neck + 0.25 * joint.profile.end_height
@@ -262,8 +272,9 @@ def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool
 
 
 def hinge_stress(response: Response, loads: Array) -> Array:
-    """Highest von Mises stress (..., h), MPa, at every hinge under loads (..., c), multiples of the
-    cases.
+    """Highest von Mises stress (..., h), MPa, at every hinge under loads.
+
+    loads : (..., c), multiples of the cases.
 
     It is the highest at the nodes of the triangles of the hinge, without those of `_at_fixed_end`.
     At a sharp root, without a fillet, the stress is singular: it grows without limit as the mesh is
@@ -277,33 +288,44 @@ def hinge_stress(response: Response, loads: Array) -> Array:
 
 
 def warm_stress(response: Response, across: ArrayLike = 0.0, unlike: ArrayLike = 0.0) -> Array:
-    """Highest von Mises stress (3 cases, h), MPa, at the nodes of every hinge as in `hinge_stress`,
-    after `warmed`.
+    """Highest von Mises stress (3 cases, h), MPa, at every hinge as in `hinge_stress`.
+
+    The response is that of `warmed`.
 
     across : () or (h,), MPa, stress out of the plane per kelvin besides that of plane strain.
     unlike : () or (h,), 1/K, expansion of the hinges less that of the plate.
     """
-    mesh = response.structure.mesh
-    plate = response.structure.plate
-    places = mesh.nodes
     numbers = response.hinge_numbers
-    across, unlike = (np.broadcast_to(each, len(numbers)) for each in (across, unlike))
+    across_of = np.broadcast_to(across, len(numbers))
+    unlike_of = np.broadcast_to(unlike, len(numbers))
     highest = [np.zeros((len(HEAT_CASES), 0))]
     for k, (nodes, stress) in enumerate(zip(response.regions, response.stresses, strict=True)):
-        temperature = np.vstack([np.ones(len(nodes)), places[nodes].T])
-        axes = stress.shape[-1]
-        lame, mu = plate.of(np.flatnonzero(mesh.bodies == numbers[k])[:1]).lame(axes)
-        free = np.ravel((axes * lame + 2 * mu) * unlike[k] * temperature).reshape(temperature.shape)
-        free = free[:, :, None, None] * np.eye(axes)
-        stress = stress - (free if axes == 2 else free[:, :, None])
-        values = von_mises(stress, response.ratio_of(numbers[k]), across[k] * temperature)
+        places = response.structure.mesh.nodes[nodes]
+        temperature = np.vstack([np.ones(len(nodes)), places.T])
+        own = stress - _held_back(response, numbers[k], unlike_of[k] * temperature, stress)
+        values = von_mises(own, response.ratio_of(numbers[k]), across_of[k] * temperature)
         highest.append(values.reshape(len(values), -1).max(axis=1)[:, None])
     return np.hstack(highest)
 
 
+def _held_back(response: Response, part: int, strain: Array, stress: Array) -> Array:
+    """Return the stress, MPa, in the shape of `stress`, that holds a part back by a free strain.
+
+    strain : (3 cases, p), the same in all directions, at p nodes.
+    """
+    structure = response.structure
+    axes = stress.shape[-1]
+    first = np.flatnonzero(structure.mesh.bodies == part)[:1]
+    lame, mu = structure.plate.of(first).lame(axes)
+    held = np.ravel((axes * lame + 2 * mu) * strain).reshape(strain.shape)
+    held = held[:, :, None, None] * np.eye(axes)
+    return held if axes == 2 else held[:, :, None]
+
+
 def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
-    """Factorise a plate, plane or extruded; with antisymmetric layers, the only port is the output
-    out of the plane.
+    """Factorise a plate, plane or extruded.
+
+    With antisymmetric layers, the only port is the output out of the plane.
 
     Raises ComputationFailed when a part is not held, or for too many unknowns.
     """
@@ -345,8 +367,7 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
 def warmed(
     model: PlateModel, expansion: float, ground_expansion: float, of_parts: Array | None = None
 ) -> Response:
-    """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K, of the plane problem or with
-    layers.
+    """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K, in the plane or with layers.
 
     The ground expands about the origin as a free body of its own material; motions include this.
     of_parts : expansions of all bodies, then of all hinges, if they differ from that of the plate.
@@ -356,20 +377,22 @@ def warmed(
         unlike = (of_parts - expansion)[model.structure.mesh.bodies]
         strained = model.response(_loads_of_expansion(model.structure, unlike))
         response = replace(response, nodal=response.nodal + strained.nodal)
-    free = expansion * np.tensordot(
-        HEAT_CASES, free_displacement(model.mesh.nodes, model.structure.layers), axes=1
-    )
+    of_free_body = free_displacement(model.mesh.nodes, model.structure.layers)
+    free = expansion * np.tensordot(HEAT_CASES, of_free_body, axes=1)
     forces = model.port_forces.reshape(len(model.port_forces), -1)
     motions = forces @ (response.nodal + free).reshape(len(free), -1).T
     for k, port in enumerate(model.layout.ports):
-        for at, wrench in ((patch.point, wrench) for patch, wrench in port.parts if patch.body < 0):
-            moved = (
-                HEAT_CASES @ free_displacement(np.array([[at.real, at.imag]]))[:, 0]
-            )  # outside the plate
-            motions[k] += (
-                ground_expansion * np.column_stack([moved, [0.0, at.imag, -at.real]]) @ wrench
-            )
+        for patch, wrench in port.parts:
+            if patch.body < 0:
+                motions[k] += ground_expansion * _motion_outside(patch.point) @ wrench
     return replace(response, motions=motions)
+
+
+def _motion_outside(point: complex) -> Array:
+    """Return the motion (3 cases, 3) of a point of the ground outside the plate per expansion."""
+    at = np.array([[point.real, point.imag]])
+    displacement = HEAT_CASES @ free_displacement(at)[:, 0]
+    return np.column_stack([displacement, [0.0, point.imag, -point.real]])
 
 
 def _loads_of_expansion(structure: Structure, expansion: Array) -> Array:
@@ -387,8 +410,9 @@ def _loads_of_expansion(structure: Structure, expansion: Array) -> Array:
 
 
 def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> Modes:
-    """Return the lowest `count` modes with payloads and the masses of actuators, whose stiffness
-    acts if `engaged`.
+    """Return the lowest `count` modes with payloads and the masses of actuators.
+
+    engaged : whether the stiffness of actuators acts.
 
     With antisymmetric layers they are out of the plane, where the stiffness of actuators does not
     act. Raises ComputationFailed when they do not converge."""
@@ -400,13 +424,11 @@ def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> Modes:
 
     def twice(loads: Array) -> Array:
         motion = space.solve(loads)
-        return motion + space.solve(
-            loads - structure.loads(structure.forces(structure.fields(motion)))
-        )
+        held = structure.loads(structure.forces(structure.fields(motion)))
+        return motion + space.solve(loads - held)
 
     try:
         return modes(vibrating_structure(model.mass, stacks, springs, space), count)
     except ComputationFailed:  # round-off of necks of some hundredths of a millimetre
-        return modes(
-            vibrating_structure(model.mass, stacks, springs, space._replace(solve=twice)), count
-        )
+        refined = space._replace(solve=twice)
+        return modes(vibrating_structure(model.mass, stacks, springs, refined), count)

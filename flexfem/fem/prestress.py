@@ -17,9 +17,9 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from flexfem.arrays import Array
+from flexfem.fem.contacts import arm_of, contacts
 from flexfem.fem.elements import ElementBatch, Layers, stress_tensor
 from flexfem.fem.factor import Solve, factorise
-from flexfem.fem.nonlinear import arm_of, contacts
 from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
 from flexfem.fem.structure import Structure
 from flexfem.mechanism.layout import loaded_contacts

@@ -1,5 +1,4 @@
-"""Static response of a structure: loads on a rigid hub, stacks or ports, weight, heat, and
-displacements of the ground.
+"""Static response of a structure: loads on a rigid hub or ports, weight, heat, moved ground.
 
 One factorisation serves all cases; iterative refinement uses residuals from displacement
 differences within elements, and balances are checked. The force of a stack on a link is a body
@@ -20,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,13 +39,12 @@ HEAT_CASES = np.eye(3)[[2, 0, 1]]
 
 @dataclass(frozen=True)
 class Factorised:
-    """A factorised structure, the whole or one of three identical sectors of a stage, and its
-    ports.
+    """A factorised structure, the whole or one of three identical sectors, and its ports.
 
     spaces : that of the whole, or those of harmonics 0 and 1 of the sector.
     ports : (size, k), unit loads on the unknowns: of the three directions of the hub, of stacks, or
     of contacts.
-    sectors : of a stage that is given by them; one represents three.
+    sectors : of a plate around a rigid hub that is given by them; one represents three.
     regions : nodes of each region whose stress is needed.   ratio : of stresses in the plane, see
     `von_mises`.
     bodies : nodes of each moving body whose stress is needed.
@@ -72,103 +70,63 @@ class Factorised:
             return [nodes_on(self.structure.mesh, "ground")]
         mesh = self.structure.mesh
         moving = np.append(self.structure.free, self.structure.hub)
-        return (
-            clamped_nodes(mesh)
-            if "hub" in mesh.edges
-            else [np.setdiff1d(np.arange(len(mesh.nodes)), moving)]
-        )
+        if "hub" in mesh.edges:
+            return clamped_nodes(mesh)
+        return [np.setdiff1d(np.arange(len(mesh.nodes)), moving)]
 
     def solve(self, loads: Array) -> Array:
-        """Unknowns (size, k) under loads (size, k); a sector takes three, which rotate by sectors
-        as x, y, theta do.
+        """Unknowns (size, k) under loads (size, k).
+
+        A sector takes three, which rotate by sectors as x, y, theta do.
         """
         if not self.cyclic:
             return self.spaces[0].solution(loads)
-        return np.hstack(
-            [self.spaces[1].solution(loads[:, :2]), self.spaces[0].solution(loads[:, 2:])]
-        )
+        vector = self.spaces[1].solution(loads[:, :2])
+        return np.hstack([vector, self.spaces[0].solution(loads[:, 2:])])
 
     def response(self, loads: Array | None = None, prescribed: Array | None = None) -> Response:
-        """Solve and refine until forces and energy balance. Raises ComputationFailed when they do
-        not.
+        """Solve and refine until forces and energy balance.
 
         loads : (size, c), on the unknowns, a third of those of the whole if `cyclic`; None for unit
         loads on the ports.
         prescribed : (c, n, ...), displacements of clamped nodes, zero elsewhere, instead of loads.
+
+        Raises ComputationFailed when they do not balance.
         """
         structure = self.structure
-        cyclic = self.cyclic
         if prescribed is not None:
             loads = np.zeros((structure.size, len(prescribed)))
-        elif loads is None:
-            loads = self.ports / (3 if cyclic else 1)
-        count = loads.shape[1]
-        points = structure.mesh.nodes
-        order = structure.vector_first
-        rotations = (
-            [sector_rotation(sector) for sector in range(SECTORS)] if cyclic else [np.eye(count)]
-        )
-        scale = np.ones(3)
-        scale[order[2:] if order[0] == 0 else order[:2]] = 1 / np.max(np.abs(points))  # moments
-        rigid = structure.rigid_fields().reshape(3, len(points), -1)
-        pads = [(pad, rigid[:, pad]) for pad in self.pads]
-
-        def of_chains(values: Array) -> list[Array]:
-            """Resultants (c, 3) of every chain from those of one."""
-            inverse = np.argsort(order)
-            return (
-                [(R @ values[:, order] @ R.T)[:, inverse] for R in rotations]
-                if cyclic
-                else [values]
-            )
-
-        def summed(values: Array) -> Array:
-            """Products (c, c) of cases of the whole from those of one chain."""
-            return np.asarray(np.sum([R @ values @ R.T for R in rotations], axis=0))
-
-        loaded = np.sum(of_chains(loads.T @ structure.rigid), axis=0)
-        on_nodes = np.sum(
-            np.abs(loads[: structure.size - structure.poses]), axis=0
-        )  # loads may have no resultant
-        offset = (
-            np.zeros((count, len(points), *structure.shape)) if prescribed is None else prescribed
-        )
-        residual = (
-            loads if prescribed is None else loads - structure.loads(structure.forces(prescribed))
-        )
+            offset = prescribed
+            residual = loads - structure.loads(structure.forces(prescribed))
+        else:
+            if loads is None:
+                loads = self.ports / (SECTORS if self.cyclic else 1)
+            offset = np.zeros((loads.shape[1], len(structure.mesh.nodes), *structure.shape))
+            residual = loads
+        balance = _Balance(self, loads, offset)
         motion = np.zeros_like(loads)
         for _ in range(MOST_SOLVES):
             motion = motion + self.solve(residual)
             nodal = offset + structure.fields(motion)
             forces = structure.forces(nodal)
             residual = loads - structure.loads(forces)
-            flat = forces.reshape(count, -1)
-            at_nodes = forces.reshape(count, len(points), -1)
-            resultants = [
-                np.tensordot(at_nodes[:, pad], unit, axes=((1, 2), (1, 2))) for pad, unit in pads
-            ]
-            reactions = np.stack([part for pad in resultants for part in of_chains(pad)], axis=1)
-            energy = summed(nodal.reshape(count, -1) @ flat.T)
-            work = summed(motion.T @ loads + offset.reshape(count, -1) @ flat.T)
-            imbalance = _imbalance(reactions * scale, loaded * scale, energy, work, on_nodes)
-            if max(imbalance.values()) <= REFINED:
+            found = balance.of(motion, nodal, forces)
+            if max(balance.imbalance(found, balance.on_nodes).values()) <= REFINED:
                 break
+        largest = balance.on_nodes
         if prescribed is not None:  # resultants may vanish
-            imbalance = _imbalance(
-                reactions * scale, loaded * scale, energy, work, np.max(np.abs(flat), axis=1)
-            )
-        for name, worst in imbalance.items():
+            largest = np.max(np.abs(forces.reshape(len(forces), -1)), axis=1)
+        for name, worst in balance.imbalance(found, largest).items():
             if not worst <= BALANCE:
                 raise ComputationFailed(
                     f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}"
                 )
-        motions = self.ports.T @ motion
         return Response(
             structure,
-            motions,
+            self.ports.T @ motion,
             nodal,
-            reactions,
-            energy,
+            found.reactions,
+            found.energy,
             self.sectors,
             self.regions,
             self.ratio,
@@ -176,8 +134,9 @@ class Factorised:
         )
 
     def weighed(self, mass: Mass, accelerations: Array) -> Response:
-        """Solve for the weight in c fields, (c, j), mm/s^2, along the first j components of the
-        pose.
+        """Solve for the weight in c fields.
+
+        accelerations : (c, j), mm/s^2, along the first j components of the pose.
         """
         along = np.pad(accelerations, [(0, 0), (0, 3 - accelerations.shape[1])])
         forces = mass.forces(np.tensordot(along, self.structure.rigid_fields(), axes=1))
@@ -185,8 +144,7 @@ class Factorised:
         return self.response(self.structure.loads(forces) + mass.at @ (mass.carried @ carried))
 
     def warmed(self) -> Response:
-        """Solve for temperature cases per unit of the expansion of the frame less that of the
-        material.
+        """Solve for temperature cases per expansion of the frame less that of the material.
 
         The cases are gradients along x and y, then a uniform change; with antisymmetric layers two
         empty ones, then a gradient along z, the pose being z and the rotations about x and y.
@@ -198,27 +156,87 @@ class Factorised:
         return self.response(prescribed=fields)
 
 
-def _imbalance(
-    pads: Array, loaded: Array, energy: Array, work: Array, largest: Array
-) -> dict[str, float]:
-    """Imbalance of reactions (c, pads, 3) and loads, per the largest of them and nodal forces, and
-    of energy.
+class _Balanced(NamedTuple):
+    """Sums of a solution over the whole.
+
+    reactions : (c, pads, 3), N and N mm.   energy, work : (c, c), N mm, of the strain and the loads.
     """
-    tiny = np.finfo(float).tiny
-    size = np.sqrt(np.abs(np.diag(energy)))
-    largest = np.max(
-        [np.max(np.abs(pads), axis=(1, 2)), np.max(np.abs(loaded), axis=1), largest], axis=0
-    )
-    forces = np.max(np.abs(pads.sum(axis=1) + loaded), axis=1) / np.maximum(largest, tiny)
-    energies = np.abs(energy - work) / np.maximum(np.outer(size, size), tiny)
-    return {
-        "reactions and load": float(np.max(forces)),
-        "strain energy and work": float(np.max(energies)),
-    }
+
+    reactions: Array
+    energy: Array
+    work: Array
+
+
+class _Balance:
+    """Balances of the loads of c cases on a structure, for `Factorised.response`.
+
+    loads, offset : (size, c) and (c, n, ...), loads and prescribed displacements.
+    on_nodes : (c,), sums of the loads on nodes; loads may have no resultant.
+    """
+
+    def __init__(self, factorised: Factorised, loads: Array, offset: Array) -> None:
+        structure = factorised.structure
+        nodes = structure.mesh.nodes
+        self.loads = loads
+        self.offset = offset
+        self.cyclic = factorised.cyclic
+        self.order = structure.vector_first
+        self.rotations = [np.eye(loads.shape[1])]
+        if self.cyclic:
+            self.rotations = [sector_rotation(sector) for sector in range(SECTORS)]
+        self.scale = np.ones(3)
+        moments = self.order[2:] if self.order[0] == 0 else self.order[:2]
+        self.scale[moments] = 1 / np.max(np.abs(nodes))
+        rigid = structure.rigid_fields().reshape(3, len(nodes), -1)
+        self.pads = [(pad, rigid[:, pad]) for pad in factorised.pads]
+        self.resultants = np.sum(self._of_sectors(loads.T @ structure.rigid), axis=0)
+        self.on_nodes = np.sum(np.abs(loads[: structure.size - structure.poses]), axis=0)
+
+    def _of_sectors(self, values: Array) -> list[Array]:
+        """Resultants (c, 3) of every sector from those of one."""
+        if not self.cyclic:
+            return [values]
+        inverse = np.argsort(self.order)
+        return [(R @ values[:, self.order] @ R.T)[:, inverse] for R in self.rotations]
+
+    def _of_whole(self, values: Array) -> Array:
+        """Products (c, c) of cases of the whole from those of one sector."""
+        return np.asarray(np.sum([R @ values @ R.T for R in self.rotations], axis=0))
+
+    def of(self, motion: Array, nodal: Array, forces: Array) -> _Balanced:
+        """Return the sums of a solution: unknowns (size, c), and nodal fields (c, n, ...)."""
+        count = len(nodal)
+        flat = forces.reshape(count, -1)
+        at_nodes = forces.reshape(count, forces.shape[1], -1)
+        reactions = list[Array]()
+        for pad, unit in self.pads:
+            on_pad = np.tensordot(at_nodes[:, pad], unit, axes=((1, 2), (1, 2)))
+            reactions += self._of_sectors(on_pad)
+        energy = self._of_whole(nodal.reshape(count, -1) @ flat.T)
+        work = self._of_whole(motion.T @ self.loads + self.offset.reshape(count, -1) @ flat.T)
+        return _Balanced(np.stack(reactions, axis=1), energy, work)
+
+    def imbalance(self, found: _Balanced, largest: Array) -> dict[str, float]:
+        """Return by how much reactions and loads, and energy and work differ.
+
+        largest : (c,), N, of nodal forces, by which forces are divided if they are larger.
+        """
+        tiny = np.finfo(float).tiny
+        size = np.sqrt(np.abs(np.diag(found.energy)))
+        pads = found.reactions * self.scale
+        loaded = self.resultants * self.scale
+        largest_pad = np.max(np.abs(pads), axis=(1, 2))
+        largest = np.max([largest_pad, np.max(np.abs(loaded), axis=1), largest], axis=0)
+        forces = np.max(np.abs(pads.sum(axis=1) + loaded), axis=1) / np.maximum(largest, tiny)
+        energies = np.abs(found.energy - found.work) / np.maximum(np.outer(size, size), tiny)
+        return {
+            "reactions and load": float(np.max(forces)),
+            "strain energy and work": float(np.max(energies)),
+        }
 
 
 def clamped_nodes(mesh: StageMesh) -> list[Index]:
-    """Return the nodes on the clamped edge of each body at the ground, by the number of the body."""
+    """Return the nodes on the clamped edge of each body at the ground, in the order of bodies."""
     body_of = np.full(len(mesh.nodes), -1)
     ground = nodes_on(mesh, "ground")
     on_ground = np.isin(mesh.triangles, ground).any(axis=1)
@@ -229,8 +247,9 @@ def clamped_nodes(mesh: StageMesh) -> list[Index]:
 
 @dataclass(frozen=True)
 class Response:
-    """Response of a structure to c cases; of a sector three, which rotate from chain to chain as x,
-    y, theta do.
+    """Response of a structure to c cases.
+
+    Those of a sector are three, which rotate from sector to sector as x, y, theta do.
 
     motions : (k, c), of the ports in every case, mm and rad.
     nodal : (c, n, ...), displacements, mm, of the nodes of `structure`, which may be a sector in
@@ -291,7 +310,7 @@ class Response:
     @property
     def triangles(self) -> int:
         """Number of triangles of the whole."""
-        return len(self.structure.mesh.triangles) * (3 if len(self.sectors) == 1 else 1)
+        return len(self.structure.mesh.triangles) * (SECTORS if len(self.sectors) == 1 else 1)
 
     @property
     def unknowns(self) -> int:
@@ -310,9 +329,7 @@ class Response:
 
     @cached_property
     def stresses(self) -> list[Array]:
-        """Stress (c, p, 2, 2), MPa, of the cases at the nodes of every region; with layers (c, p,
-        m, 3, 3).
-        """
+        """Stress (c, p, 2, 2), MPa, at the nodes of every region; with layers (c, p, m, 3, 3)."""
         return self._stresses_at(self.regions, self.hinge_numbers)
 
     @cached_property
@@ -335,15 +352,12 @@ class Response:
         return list(np.unique(self.structure.mesh.bodies).tolist())
 
     def ratio_of(self, part: int) -> float:
-        """Return the ratio of stresses in the plane of a body or hinge, which follows its own
-        Poisson's ratio.
-        """
+        """Return the ratio of stresses in the plane of a part, which follows its Poisson's ratio."""
         plate = self.structure.plate
         if not plate.mixed or not self.ratio:
             return self.ratio
-        nu = float(
-            plate.poissons_ratio[self.structure.mesh.bodies == part][0]
-        )  # nu / (1 - nu) of the material
+        # nu / (1 - nu) of the material
+        nu = float(plate.poissons_ratio[self.structure.mesh.bodies == part][0])
         return nu / (1 + nu)
 
     def _stresses_at(self, regions: tuple[Index, ...], numbers: Sequence[int]) -> list[Array]:
@@ -366,8 +380,9 @@ def factorised_stage(
     layers: Layers | None = None,
     degree: int | None = None,
 ) -> Factorised:
-    """Factorise a stage given by one sector or three; `degree` is that of the quadrature in the
-    plane.
+    """Factorise a plate around a rigid hub, given by one sector or three.
+
+    degree : of the quadrature in the plane.
 
     Raises ComputationFailed as `factorised_whole`.
     """
@@ -390,28 +405,30 @@ def unit_response(
     layers: Layers | None = None,
     degree: int | None = None,
 ) -> Response:
-    """Solve a stage for unit loads on the rigid hub with the ground clamped. Raises
-    ComputationFailed.
+    """Solve a plate of sectors for unit loads on its rigid hub, with the ground clamped.
+
+    Raises ComputationFailed.
     """
     return factorised_stage(sectors, plate, layers, degree).response()
 
 
 def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> Response:
-    """Solve as `unit_response` on a whole mesh; the compliance is the pose block of `(T' K T)^-1`,
-    hence symmetric.
+    """Solve as `unit_response` on a whole mesh.
+
+    The compliance is the pose block of `(T' K T)^-1`, hence symmetric.
     """
     return factorised_whole(structure(mesh, plate, degree=degree)).response()
 
 
 def heat_response(
-    mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float
+    mesh: StageMesh, plate: Plate, expansion: float, frame_expansion: float
 ) -> Response:
-    """Solve a stage in the plane for `HEAT_CASES` with expansions, 1/K. Raises ComputationFailed."""
-    return (
-        factorised_whole(structure(mesh, plate))
-        .warmed()
-        .under((frame_expansion - stage_expansion) * HEAT_CASES)
-    )
+    """Solve a plate with a rigid hub for `HEAT_CASES` with expansions, 1/K, in the plane.
+
+    Raises ComputationFailed.
+    """
+    warm = factorised_whole(structure(mesh, plate)).warmed()
+    return warm.under((frame_expansion - expansion) * HEAT_CASES)
 
 
 def resultants_of(nodes: Array, forces: Array) -> Array:
@@ -422,19 +439,15 @@ def resultants_of(nodes: Array, forces: Array) -> Array:
 
 
 def free_displacement(points: Array, layers: Layers | None = None) -> Array:
-    """Displacements (3 cases of `Factorised.warmed`, n, 2) or (3, n, m, 3), mm, per expansion, of a
-    free body.
+    """Displacements (3 cases, n, 2) or (3, n, m, 3), mm, per expansion, of a free body.
+
+    The cases are those of `Factorised.warmed`.
     """
-    r = (
-        points
-        if layers is None
-        else np.stack(np.broadcast_arrays(*points.T[:, :, None], layers.heights), axis=-1)
-    )
-    axes = r.shape[-1]
-    along = [
-        r[..., a, None] * r - np.eye(axes)[a] * np.sum(r**2, axis=-1, keepdims=True) / 2
-        for a in range(axes)
-    ]
-    return np.stack(
-        [0 * r, 0 * r, along[2]] if layers and layers.fixed else [along[0], along[1], r]
-    )
+    r = points
+    if layers is not None:
+        r = np.stack(np.broadcast_arrays(*points.T[:, :, None], layers.heights), axis=-1)
+    half = np.sum(r**2, axis=-1, keepdims=True) / 2
+    along = [r[..., a, None] * r - unit * half for a, unit in enumerate(np.eye(r.shape[-1]))]
+    if layers and layers.fixed:
+        return np.stack([0 * r, 0 * r, along[2]])
+    return np.stack([along[0], along[1], r])

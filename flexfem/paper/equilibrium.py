@@ -30,9 +30,8 @@ from flexfem.refused import ComputationFailed
 STEP = 1e-9
 ITERATIONS = 25
 LOAD_STEPS = (1, 4, 16, 64)
-LARGEST_ROTATION = (
-    0.1  # rad in one iteration; above it Newton may converge to another branch: the load is divided
-)
+# rad in one iteration; above it Newton may converge to another branch: the load is divided
+LARGEST_ROTATION = 0.1
 # rad, of a joint; above it the stacks have buckled the stage, or their forces are far too large
 BUCKLED = 0.3
 ROUND_OFF = 1e-12  # relative to the largest singular value
@@ -106,14 +105,13 @@ class Equilibrium(NamedTuple):
     J: Array
 
     def stiffness(self, stacks: Array = NO_STACKS) -> Array:
-        """Return the tangent stiffness (..., 3, 3) of the platform; stacks (n,), N/mm, hold their
-        strokes.
+        """Return the tangent stiffness (..., 3, 3) of the platform.
+
+        stacks : (n,), N/mm, of those that hold their strokes.
         """
         hessian = self.hessian + (self.J.T * stacks) @ self.J
-        G = self.G
-        K = (
-            TO_CHAINS.T @ inverse(G @ np.linalg.solve(hessian, np.swapaxes(G, -1, -2))) @ TO_CHAINS
-        )  # (16) to (18)
+        compliance = self.G @ np.linalg.solve(hessian, np.swapaxes(self.G, -1, -2))
+        K = TO_CHAINS.T @ inverse(compliance) @ TO_CHAINS  # (16) to (18)
         return np.asarray((K + np.swapaxes(K, -1, -2)) / 2)
 
     @property
@@ -125,20 +123,18 @@ class Equilibrium(NamedTuple):
         )
 
     def stable(self, stacks: Array) -> bool:
-        """Return whether the equilibrium is stable: every motion with closed loops increases the
-        energy.
-        """
+        """Return whether every motion with closed loops increases the energy."""
         from scipy.linalg import null_space
 
         free = null_space(np.concatenate([self.G[:3] - self.G[3:6], self.G[:3] - self.G[6:]]))
-        return bool(
-            np.linalg.eigvalsh(free.T @ (self.hessian + (self.J.T * stacks) @ self.J) @ free)[0] > 0
-        )
+        hessian = self.hessian + (self.J.T * stacks) @ self.J
+        return bool(np.linalg.eigvalsh(free.T @ hessian @ free)[0] > 0)
 
 
 def under_load(model: PaperModel, load: Array) -> Equilibrium:
-    """Return the equilibrium under a dead platform load (..., 3): force at the moving platform
-    centre, and moment.
+    """Return the equilibrium under a dead load (..., 3) on the platform.
+
+    The force is at the moving platform centre.
 
     Raises ComputationFailed when Newton's method does not converge even in the smallest load steps.
     """
@@ -146,8 +142,7 @@ def under_load(model: PaperModel, load: Array) -> Equilibrium:
 
 
 def at_pose(model: PaperModel, pose: Array) -> Equilibrium:
-    """Return the equilibrium with the platform held exactly at the displacement `pose` (..., 3), mm
-    and rad.
+    """Return the equilibrium with the platform held at a displacement (..., 3), mm and rad.
 
     Raises ComputationFailed as `under_load`, and when the pose is out of reach.
     """
@@ -155,8 +150,9 @@ def at_pose(model: PaperModel, pose: Array) -> Equilibrium:
 
 
 def loaded(joints: Serial, force: Array, load: Array) -> Equilibrium:
-    """Return the exact equilibrium with constant forces (n,) of the stacks, N, and a dead load (3,)
-    as in (16).
+    """Return the equilibrium with constant forces (n,) of the stacks, N, and a dead load (3,).
+
+    It is exact, as in (16).
 
     Raises ComputationFailed when Newton does not converge: the stage has buckled, or the forces are
     far too large."""
@@ -171,26 +167,22 @@ def loaded(joints: Serial, force: Array, load: Array) -> Equilibrium:
 
 
 def _paper_equilibrium(model: PaperModel, target: Array, hold: bool) -> Equilibrium:
-    root = np.sqrt(model.springs)
-    chains = []
-    coefficients = first_order(model.joints, resting(model.frames, model.joints))
-    for G, slots in zip(coefficients, model.joints.chains, strict=True):
-        x, y, rotation = np.moveaxis(G / root[..., None, slots], -2, 0)
-        chains.append(ChainJoints(np.arange(slots.start, slots.stop), x + 1j * y, rotation, ()))
-    joints = Serial(0, tuple(chains), np.eye(root.shape[-1]))
+    joints = _serial_of(model)
     singular = np.asarray(np.isnan(stiffness(model).K_uu).any(axis=(-2, -1)))
     for steps in LOAD_STEPS:
-        equilibrium = _equilibrium(joints, NO_STACKS, target, hold, steps)
-        diverged = np.asarray(np.isnan(equilibrium.displacement).any(axis=-1) & ~singular)
+        found = _equilibrium(joints, NO_STACKS, target, hold, steps)
+        diverged = np.asarray(np.isnan(found.displacement).any(axis=-1) & ~singular)
         if not diverged.any():
-            pose, load = (np.where(singular[..., None], np.nan, part) for part in equilibrium[:2])
-            return equilibrium._replace(
-                pose=pose, load=load, displacement=equilibrium.displacement / root
+            of_singular = singular[..., None]
+            return found._replace(
+                pose=np.where(of_singular, np.nan, found.pose),
+                load=np.where(of_singular, np.nan, found.load),
+                displacement=found.displacement / np.sqrt(model.springs),
             )
     failed = np.argwhere(diverged)
-    where = (
-        f", design {tuple(failed[0].tolist())} the first of {len(failed)}" if diverged.shape else ""
-    )
+    where = ""
+    if diverged.shape:
+        where = f", design {tuple(failed[0].tolist())} the first of {len(failed)}"
     goal = "holding the pose" if hold else "under the load"
     raise ComputationFailed(
         f"no equilibrium {goal}{where}: Newton's method on (13) did not converge in "
@@ -199,57 +191,110 @@ def _paper_equilibrium(model: PaperModel, target: Array, hold: bool) -> Equilibr
     )
 
 
+def _serial_of(model: PaperModel) -> Serial:
+    """Return the joints of the paper's model, scaled to unit stiffness."""
+    root = np.sqrt(model.springs)
+    chains = list[ChainJoints]()
+    coefficients = first_order(model.joints, resting(model.frames, model.joints))
+    for G, slots in zip(coefficients, model.joints.chains, strict=True):
+        x, y, rotation = np.moveaxis(G / root[..., None, slots], -2, 0)
+        chains.append(ChainJoints(np.arange(slots.start, slots.stop), x + 1j * y, rotation, ()))
+    return Serial(0, tuple(chains), np.eye(root.shape[-1]))
+
+
+class _Unknowns(NamedTuple):
+    """Unknowns of the equilibrium: joint displacements q (..., r) of unit stiffness, wrenches w
+    (..., 9) at the ends of the chains, and the pose u (..., 3)."""
+
+    q: Array
+    w: Array
+    u: Array
+
+    def moved(self, step: Array) -> _Unknowns:
+        """Add a step (..., r + 12)."""
+        r = self.q.shape[-1]
+        return _Unknowns(self.q + step[..., :r], self.w + step[..., r:-3], self.u + step[..., -3:])
+
+
 def _equilibrium(
     joints: Serial, force: Array, target: Array, hold: bool, steps: int
 ) -> Equilibrium:
-    """Equilibrium with forces (n,) and a target (..., 3), a load or (hold) a pose; nan where Newton
-    does not converge.
+    """Equilibrium with forces (n,) of the stacks; nan where Newton's method does not converge.
 
-    With joint displacements q of unit stiffness, wrenches w at the ends of the chains and the pose
-    u, `q = J' f + G' w`, the poses of the chains are u, and the wrenches add up to the load."""
-    V = joints.basis
-    r = joints.basis.shape[1]
+    target : (..., 3), a load or (hold) a pose.
+
+    Notes
+    -----
+    With the unknowns q, w and u, `q = J' f + G' w`, the poses of the chains are u, and the wrenches
+    add up to the load.
+    """
     lead = np.broadcast_shapes(target.shape[:-1], joints.chains[0].v.shape[:-1])
-    q = np.zeros((*lead, r))
-    w = np.zeros((*lead, 9))
-    u = np.zeros((*lead, 3))
+    r = joints.basis.shape[1]
+    x = _Unknowns(np.zeros((*lead, r)), np.zeros((*lead, 9)), np.zeros((*lead, 3)))
     diverged = np.zeros(lead, dtype=bool)
     for share in np.arange(1, steps + 1) / steps:
-        for _ in range(ITERATIONS):
-            at = joint_state(joints, q, w, share * force)
-            M = np.zeros((*lead, r + 12, r + 12))
-            M[..., :r, :r], M[..., :r, r:-3] = at.hessian, -np.swapaxes(at.G, -1, -2)
-            M[..., r:-3, :r] = at.G
-            M[..., r:-3, -3:] = -TO_CHAINS
-            if hold:
-                M[..., -3:, -3:] = np.eye(3)
-                last = share * target - u
-            else:
-                M[..., -3:, r:-3] = TO_CHAINS.T
-                last = share * target - w @ TO_CHAINS
-            first = share * force @ at.J + apply(np.swapaxes(at.G, -1, -2), w) - q
-            residual = np.concatenate(
-                [first, u @ TO_CHAINS.T - at.pose, np.broadcast_to(last, (*lead, 3))], axis=-1
-            )
-            diverged |= ~np.isfinite(M).all(axis=(-2, -1))
-            M = np.where(diverged[..., None, None], np.eye(r + 12), M)
-            step = np.linalg.solve(M, np.where(diverged[..., None], 0.0, residual)[..., None])[
-                ..., 0
-            ]
-            q = q + step[..., :r]
-            w = w + step[..., r:-3]
-            u = u + step[..., -3:]
-            eta = step[..., :r] @ V.T
-            rotations = [np.abs(eta[..., chain.slots] * chain.rotation) for chain in joints.chains]
-            diverged |= ~(np.max(np.concatenate(rotations, axis=-1), axis=-1) <= LARGEST_ROTATION)
-            size = np.linalg.norm(q, axis=-1) + np.linalg.norm(at.J.T * share * force)
-            converged = np.linalg.norm(step[..., :r], axis=-1) <= STEP * size
-            if np.all(converged | diverged):
-                break
-        diverged |= ~converged
-    at = joint_state(joints, q, w, force)
-    q[diverged] = np.nan
-    return Equilibrium(u, w @ TO_CHAINS, q, at.hessian, at.G, at.J)
+        x, diverged = _newton(joints, share * force, share * target, hold, x, diverged)
+    at = joint_state(joints, x.q, x.w, force)
+    x.q[diverged] = np.nan
+    return Equilibrium(x.u, x.w @ TO_CHAINS, x.q, at.hessian, at.G, at.J)
+
+
+def _newton(
+    joints: Serial,
+    force: Array,
+    target: Array,
+    hold: bool,
+    x: _Unknowns,
+    diverged: NDArray[np.bool_],
+) -> tuple[_Unknowns, NDArray[np.bool_]]:
+    """Return the unknowns at a target as of `_equilibrium`, and which designs diverge."""
+    for _ in range(ITERATIONS):
+        at = joint_state(joints, x.q, x.w, force)
+        M = _newton_matrix(at, hold)
+        residual = _residual(at, x, force, target, hold)
+        diverged = diverged | ~np.isfinite(M).all(axis=(-2, -1))
+        M = np.where(diverged[..., None, None], np.eye(M.shape[-1]), M)
+        right = np.where(diverged[..., None], 0.0, residual)[..., None]
+        step = np.linalg.solve(M, right)[..., 0]
+        x = x.moved(step)
+        change = step[..., : x.q.shape[-1]]
+        diverged |= ~(_largest_rotation(joints, change) <= LARGEST_ROTATION)
+        size = np.linalg.norm(x.q, axis=-1) + np.linalg.norm(at.J.T * force)
+        converged = np.linalg.norm(change, axis=-1) <= STEP * size
+        if np.all(converged | diverged):
+            break
+    return x, diverged | ~converged
+
+
+def _newton_matrix(at: JointState, hold: bool) -> Array:
+    """Derivative (..., r + 12, r + 12) of the equations of `_equilibrium` by the unknowns."""
+    r = at.hessian.shape[-1]
+    M = np.zeros((*at.hessian.shape[:-2], r + 12, r + 12))
+    M[..., :r, :r] = at.hessian
+    M[..., :r, r:-3] = -np.swapaxes(at.G, -1, -2)
+    M[..., r:-3, :r] = at.G
+    M[..., r:-3, -3:] = -TO_CHAINS
+    if hold:
+        M[..., -3:, -3:] = np.eye(3)
+    else:
+        M[..., -3:, r:-3] = TO_CHAINS.T
+    return M
+
+
+def _residual(at: JointState, x: _Unknowns, force: Array, target: Array, hold: bool) -> Array:
+    """What is left (..., r + 12) of the equations of `_equilibrium`."""
+    of_joints = force @ at.J + apply(np.swapaxes(at.G, -1, -2), x.w) - x.q
+    of_poses = x.u @ TO_CHAINS.T - at.pose
+    of_target = target - (x.u if hold else x.w @ TO_CHAINS)
+    last = np.broadcast_to(of_target, (*x.u.shape[:-1], 3))
+    return np.concatenate([of_joints, of_poses, last], axis=-1)
+
+
+def _largest_rotation(joints: Serial, change: Array) -> Array:
+    """Largest rotation (...), rad, of a joint by changes (..., r) of the unknowns."""
+    eta = change @ joints.basis.T
+    rotations = [np.abs(eta[..., chain.slots] * chain.rotation) for chain in joints.chains]
+    return np.asarray(np.max(np.concatenate(rotations, axis=-1), axis=-1))
 
 
 class JointState(NamedTuple):
@@ -269,84 +314,96 @@ class JointState(NamedTuple):
 def serial(
     stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...], follows: Follows
 ) -> Serial:
-    """Return the joints of a stage with the hinges, freedoms and, if any, elastic links of its
-    analytic model.
-    """
-    body = np.zeros((9, 0))
-    if (
-        result.links
-    ):  # motions of the ends of the chains relative to the hub, by nine joints of unit stiffness
-        values, vectors = np.linalg.eigh(platform_compliance(stage, stage.elastic))
-        body = vectors * np.sqrt(np.maximum(values, 0.0))
-    shared = np.arange(body.shape[1])
-    size = body.shape[1]
+    """Return the joints of a stage with the hinges, freedoms and links of its analytic model."""
+    platform = _platform_joints(stage) if result.links else np.zeros((9, 0))
+    shared = np.arange(platform.shape[1])  # all chains share the joints of the platform
+    size = len(shared)
     chains = list[ChainJoints]()
     is_link = [np.zeros(size, dtype=bool)]
     for chain in CHAINS:
         numbers = [j for j, stack in enumerate(stacks) if stack.chain == chain - 1]
-        twists, shares, on_links = _joints(
-            stage, chain, result, [push for j in numbers for push in stacks[j].pushes]
-        )
-        slots = np.concatenate([size + np.arange(twists.shape[1]), shared])
-        twists = np.append(twists, -body[3 * chain - 3 : 3 * chain], axis=1)
-        shares = np.pad(
-            shares, ((0, 0), (0, len(shared))), mode="edge"
-        )  # the platform is distal to all its hinges
+        pushes = [push for j in numbers for push in stacks[j].pushes]
+        own = _joints(stage, chain, result, pushes)
+        slots = np.concatenate([size + np.arange(len(own.is_link)), shared])
+        twists = np.append(own.twists, -platform[3 * chain - 3 : 3 * chain], axis=1)
+        # the platform is distal to all its hinges
+        shares = np.pad(own.shares, ((0, 0), (0, len(shared))), mode="edge")
         pairs = zip(numbers, shares.reshape(len(numbers), 2, len(slots)), strict=True)
         chain_stacks = tuple(_chain_stack(j, stacks[j], share, follows) for j, share in pairs)
         chains.append(ChainJoints(slots, twists[0] + 1j * twists[1], twists[2], chain_stacks))
-        is_link.append(on_links)
-        size += on_links.size
+        is_link.append(own.is_link)
+        size += own.is_link.size
     joints = Serial(len(stacks), tuple(chains), np.zeros((size, 0)))
     return joints._replace(basis=_basis(joints, np.concatenate(is_link)))
 
 
+def _platform_joints(stage: Stage) -> Array:
+    """Motions (9, 9) of the ends of the chains relative to the hub, by joints of unit stiffness."""
+    values, vectors = np.linalg.eigh(platform_compliance(stage, stage.elastic))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
 def _chain_stack(number: int, stack: Stack, shares: Array, follows: Follows) -> ChainStack:
-    """A stack with the shares (2, k) of its forces on the actuated body and on its carrier distal
-    to each joint.
+    """Return a stack as part of its chain.
+
+    shares : (2, k), of its forces on the actuated body and on its carrier distal to each joint.
     """
     outward = stack.pushes[0].body > stack.pushes[1].body
     far, near = shares if outward else shares[::-1]
     rotation = complex(*chain_rotation(stack.chain)[:2, 0])
+    pivot = rotation * stack.pivot(follows)
     on_far = outward == (follows == "carrier")
     sign = 1.0 if outward else -1.0
-    return ChainStack(
-        number, rotation * stack.pivot(follows), rotation * stack.direction, near, far, on_far, sign
-    )
+    return ChainStack(number, pivot, rotation * stack.direction, near, far, on_far, sign)
 
 
-def _joints(
-    stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]
-) -> tuple[Array, Array, Array]:
-    """Twists (3, k) of the joints of a chain, shares (pushes, k) distal to them, and which are
-    pieces of links.
+class _OwnJoints(NamedTuple):
+    """The k joints of one chain: its hinges and pieces of links.
+
+    twists : (3, k).   shares : (pushes, k), of forces distal to them.   is_link : (k,).
     """
-    root = np.sqrt(np.stack(np.broadcast_arrays(*result.hinges), axis=-1))[chain - 1]
-    frames = stage_frames(stage)
-    G = freedom_motions(frames.centres[chain - 1] @ [1, 1j], np.exp(1j * frames.axes[chain - 1]))
-    allowed = np.array([[kind in hinge for kind in KINDS] for hinge in result.freedoms[chain - 1]])
-    R = chain_rotation(chain - 1)
+
+    twists: Array
+    shares: Array
+    is_link: NDArray[np.bool_]
+
+
+def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]) -> _OwnJoints:
+    """Return the joints of a chain; where pushes act, there are shares of their forces."""
     pieces = link_pieces(stage, chain, pushes) if result.links else []
+    R = chain_rotation(chain - 1)
     twists = list[Array]()
     shares = list[Array]()
     is_link = list[bool]()
-    for link in range(3):  # the pad or a link, then the hinge at its end
+    for link, of_hinge in enumerate(_hinge_twists(stage, chain, result)):
+        # the pad or a link, then the hinge at its end
         parts = [
             (list(R @ np.linalg.cholesky(compliance)), at)
-            for k, compliance, at in pieces
-            if k == link
+            for number, compliance, at in pieces
+            if number == link
         ]
-        for motions, at in [
-            *parts,
-            ([(G[link] * root[link])[:, allowed[link]]], np.array([np.inf])),
-        ]:
+        for motions, at in [*parts, ([of_hinge], np.array([np.inf]))]:
             twists += motions
-            share = np.array([distal_share(push, link, at) for push in pushes]).reshape(
-                len(pushes), len(at)
-            )
+            distal = [distal_share(push, link, at) for push in pushes]
+            share = np.array(distal).reshape(len(pushes), len(at))
             shares.append(np.repeat(share, motions[0].shape[1], axis=1))
             is_link += [bool(at[0] < np.inf)] * shares[-1].shape[1]
-    return np.concatenate(twists, axis=1), np.concatenate(shares, axis=1), np.array(is_link)
+    return _OwnJoints(
+        np.concatenate(twists, axis=1), np.concatenate(shares, axis=1), np.array(is_link)
+    )
+
+
+def _hinge_twists(stage: Stage, chain: int, result: AnalyticResult) -> list[Array]:
+    """Return the twists (3, k) of the k freedoms of each hinge of a chain, of unit stiffness."""
+    root = np.sqrt(np.stack(np.broadcast_arrays(*result.hinges), axis=-1))[chain - 1]
+    frames = stage_frames(stage)
+    places = frames.centres[chain - 1] @ [1, 1j]
+    G = freedom_motions(places, np.exp(1j * frames.axes[chain - 1]))
+    found = list[Array]()
+    for hinge, freedoms in enumerate(result.freedoms[chain - 1]):
+        allowed = [kind in freedoms for kind in KINDS]
+        found.append((G[hinge] * root[hinge])[:, allowed])
+    return found
 
 
 def _basis(joints: Serial, is_link: NDArray[np.bool_]) -> Array:
@@ -364,9 +421,43 @@ def _basis(joints: Serial, is_link: NDArray[np.bool_]) -> Array:
     return np.concatenate([np.eye(size)[:, ~is_link], links], axis=1)
 
 
+class _ChainBodies(NamedTuple):
+    """Bodies of a chain of k joints, base to platform, at joint displacements.
+
+    rotor : (..., k + 1), complex, rotations.
+    origin : (..., k + 1), complex, displacements of the point that was at the platform centre.
+    v : (..., k), complex, motion of this point of the whole distal part, per motion of a joint.
+    turn : (...), rad, of the last body.
+    """
+
+    rotor: AnyArray
+    origin: AnyArray
+    v: AnyArray
+    turn: Array
+
+    @property
+    def pose(self) -> Array:
+        """Pose (..., 3) of the last body."""
+        last = self.origin[..., -1]
+        return np.stack([last.real, last.imag, self.turn], axis=-1)
+
+
+def _bodies_of(chain: ChainJoints, motion: Array) -> _ChainBodies:
+    """Return the bodies of a chain at joint displacements (..., k)."""
+    zero = np.zeros((*motion.shape[:-1], 1))
+    phi = motion * chain.rotation
+    psi = np.cumsum(phi, axis=-1)
+    rotor = np.exp(1j * np.concatenate([zero, psi], axis=-1))
+    chord = motion * chain.v * np.sinc(phi / (2 * np.pi)) * np.exp(0.5j * phi)
+    origin = np.concatenate([zero, np.cumsum(rotor[..., :-1] * chord, axis=-1)], axis=-1)
+    v = rotor[..., :-1] * chain.v - 1j * chain.rotation * origin[..., :-1]
+    return _ChainBodies(rotor, origin, v, psi[..., -1])
+
+
 def joint_state(joints: Serial, q: Array, wrench: Array, force: Array) -> JointState:
-    """Return the chains at unknowns (..., r), with wrenches (..., 9) on their ends and forces (n,)
-    of the stacks.
+    """Return the chains at unknowns (..., r).
+
+    wrench : (..., 9), on the ends of the chains.   force : (n,), of the stacks.
     """
     V = joints.basis
     lead = q.shape[:-1]
@@ -377,63 +468,60 @@ def joint_state(joints: Serial, q: Array, wrench: Array, force: Array) -> JointS
     hessian = np.broadcast_to(np.eye(V.shape[1]), (*lead, V.shape[1], V.shape[1])).copy()
     for i, chain in enumerate(joints.chains):
         rows = slice(3 * i, 3 * i + 3)
-        motion = eta[..., chain.slots]
-        zero = np.zeros((*lead, 1))
-        phi = motion * chain.rotation
-        psi = np.cumsum(phi, axis=-1)
-        rotor = np.exp(1j * np.concatenate([zero, psi], axis=-1))
-        chord = motion * chain.v * np.sinc(phi / (2 * np.pi)) * np.exp(0.5j * phi)
-        # displacement, by body, of the point that was at the platform centre
-        origin = np.concatenate([zero, np.cumsum(rotor[..., :-1] * chord, axis=-1)], axis=-1)
-        v = rotor[..., :-1] * chain.v - 1j * chain.rotation * origin[..., :-1]
-        end = v + 1j * chain.rotation * origin[..., -1:]
-        pose[..., rows] = np.stack(
-            [origin[..., -1].real, origin[..., -1].imag, psi[..., -1]], axis=-1
-        )
-        G[..., rows, chain.slots] = np.stack(
-            [end.real, end.imag, np.broadcast_to(chain.rotation, end.shape)], axis=-2
-        )
+        bodies = _bodies_of(chain, eta[..., chain.slots])
+        end = bodies.v + 1j * chain.rotation * bodies.origin[..., -1:]
+        rotation = np.broadcast_to(chain.rotation, end.shape)
+        pose[..., rows] = bodies.pose
+        G[..., rows, chain.slots] = np.stack([end.real, end.imag, rotation], axis=-2)
         F = wrench[..., 3 * i, None] - 1j * wrench[..., 3 * i + 1, None]
         terms = chain.rotation[..., :, None] * (F * 1j * end).real[..., None, :]
         for stack in chain.stacks:
-            J[stack.number, chain.slots], proximal, distal = _opening_derivatives(
-                chain, stack, rotor, origin, v
-            )
-            terms = terms + np.outer(force[stack.number] * proximal, distal)
+            opening = _opening_derivatives(chain, stack, bodies)
+            J[stack.number, chain.slots] = opening.first
+            terms = terms + np.outer(force[stack.number] * opening.proximal, opening.distal)
         upper = np.triu(terms)  # the row is the joint nearer the base
-        hessian -= (
-            V[chain.slots].T @ (upper + np.swapaxes(np.triu(upper, 1), -1, -2)) @ V[chain.slots]
-        )
+        whole = upper + np.swapaxes(np.triu(upper, 1), -1, -2)
+        hessian -= V[chain.slots].T @ whole @ V[chain.slots]
     return JointState(pose, G @ V, J @ V, hessian)
 
 
+class _OpeningDerivatives(NamedTuple):
+    """Derivatives of the opening of a stack by the k joints of its chain.
+
+    first : (k,).
+    proximal, distal : (k,), for the proximal and the distal joint; their products are the second
+    derivatives.
+    """
+
+    first: Array
+    proximal: Array
+    distal: Array
+
+
 def _opening_derivatives(
-    chain: ChainJoints, stack: ChainStack, rotor: AnyArray, origin: AnyArray, v: AnyArray
-) -> tuple[Array, Array, Array]:
-    """First derivative (k,) of the opening of a stack with respect to the joints, and two vectors
-    (k,), for the proximal and the distal joint, whose products are its second derivatives.
+    chain: ChainJoints, stack: ChainStack, bodies: _ChainBodies
+) -> _OpeningDerivatives:
+    """Return the derivatives of the opening of a stack.
 
     With the pivot on the far body, a proximal joint rotates the motion of the pivot by a distal
     one; with the pivot on the near body, as seen from the far one, the distal joint does. Only
-    joints between the two bodies count."""
-    far, near = (-np.diff(share, prepend=1.0, append=0.0) for share in (stack.far, stack.near))
+    joints between the two bodies count.
+    """
+    far = -np.diff(stack.far, prepend=1.0, append=0.0)
+    near = -np.diff(stack.near, prepend=1.0, append=0.0)
     of_pivot, of_direction = (far, near) if stack.on_far else (near, far)
-    pivot = np.sum(of_pivot * (origin + rotor * stack.pivot))
-    direction = stack.direction * np.sum(of_direction * rotor)
-    velocity = v + 1j * chain.rotation * pivot
+    pivot = np.sum(of_pivot * (bodies.origin + bodies.rotor * stack.pivot))
+    direction = stack.direction * np.sum(of_direction * bodies.rotor)
+    velocity = bodies.v + 1j * chain.rotation * pivot
     rate = (np.conj(direction) * velocity).real
     bend = stack.sign * (np.conj(direction) * 1j * velocity).real
     proximal, distal = (chain.rotation, bend) if stack.on_far else (-bend, chain.rotation)
-    return (
-        stack.sign * (stack.far - stack.near) * rate,
-        (1 - stack.near) * proximal,
-        stack.far * distal,
-    )
+    first = stack.sign * (stack.far - stack.near) * rate
+    return _OpeningDerivatives(first, (1 - stack.near) * proximal, stack.far * distal)
 
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(
-    4
-)  # between two commands; more change nothing above rounding
+# between two commands; more change nothing above rounding
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 class LinearErrors(NamedTuple):
@@ -459,8 +547,9 @@ def axis_poses(commanded: Array, axis: int) -> Array:
 
 
 def summed_loads(model: PaperModel, commanded: Array, axis: int) -> dict[str, Array]:
-    """Return loads (n, 3) at commands (n,), one of them rest: integrals of the stiffness `tangent`
-    and `without`.
+    """Return loads (n, 3) at commands (n,), one of them rest.
+
+    They are integrals of the stiffness, `tangent` and `without` the second-order terms.
     """
     half = np.diff(commanded)[:, None] / 2
     exact = at_pose(model, axis_poses(commanded[:-1, None] + half * (1 + NODES), axis))
@@ -479,15 +568,16 @@ def with_pose_axis(model: PaperModel) -> PaperModel:
 
 
 def linear_errors(model: PaperModel, amplitude: Array, lever: ArrayLike) -> LinearErrors:
-    """Return the errors of linear positions and tangents at corners, edges and faces of a box of
-    poses (3,), mm, rad.
+    """Return the errors of linear positions and tangents over a box of poses.
 
+    They are taken at its corners and the middles of edges and faces.
+
+    amplitude : (3,), mm and rad.
     model : with leading axes (...) of designs, or none.   lever : (...), mm.   Raises
     ComputationFailed as `at_pose`."""
     arm = np.asarray(lever, dtype=float)
-    poses = amplitude * np.array(
-        [np.subtract(place, 1.0) for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)]
-    )
+    places = [place for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)]
+    poses = amplitude * (np.array(places) - 1.0)
     model = with_pose_axis(model)
     scale = np.stack([np.ones_like(arm), np.ones_like(arm), arm], axis=-1)[..., None, :]
     exact = at_pose(model, poses)
