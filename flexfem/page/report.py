@@ -54,7 +54,7 @@ from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_designs, write_of_result
 from flexfem.questions import plates
 from flexfem.questions.budget import budget
-from flexfem.questions.check import MechanismReport, StageReport, check
+from flexfem.questions.check import MechanismReport, check
 from flexfem.questions.drive import drive
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
@@ -481,7 +481,7 @@ def _main_figure(found: Any) -> Any:
 
 def _drawing_section(
     subject: Mechanism,
-    checked: StageReport | MechanismReport,
+    checked: MechanismReport,
     opened: Callable[[Markup], Markup],
 ) -> PageSection:
     """Return the drawing of a stage or mechanism and its key results, then its dimensions and

@@ -30,6 +30,7 @@ from flexfem.paper.stage_file import StageContent, actuators_of, hinges_of, of_d
 # module in `flexfem.paper` by question
 ANSWERS: dict[str, str] = {
     "accepted_questions": "baseline",
+    "check": "check",
     "as_built": "as_built",
     "design_kind": "design",
     "drift": "drift",

@@ -1,6 +1,4 @@
-"""Reports without a solution: the content of a stage or mechanism file, and a comparison of hinge
-formulas.
-"""
+"""Reports without a solution: the content of a mechanism file, and a comparison of hinge formulas."""
 
 from __future__ import annotations
 
@@ -13,25 +11,18 @@ import shapely
 
 from flexfem import arguments
 from flexfem.arrays import Array, brief
-from flexfem.files.refusals import key_path
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
 from flexfem.mechanism.assembly import GROUND
-from flexfem.mechanism.content import located
-from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.gaps import names_of_parts, smallest_gaps
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism, of_stage
-from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.mechanism.parts import PlateBody, Reduction
-from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon
-from flexfem.mechanism.profiles import FILE_KEYS
-from flexfem.paper.designs import stage_frames
-from flexfem.paper.drives import drive_of
-from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.paper.stage_file import Plane, actuators_of, of_drive, of_heat
+from flexfem.mechanism.parts import PlateBody
+from flexfem.mechanism.plate import body_polygon, joint_polygon
+from flexfem.mechanism.profiles import FILE_KEYS, Profile
 from flexfem.questions import warnings as warning
+from flexfem.questions.setup import question
 from flexfem.results import Ends
 from flexfem.units import LENGTH, RATE
 
@@ -40,70 +31,6 @@ MOST_GAPS = 6  # that are listed
 HIGHEST = 1e6  # largest H/h accepted; the chart has no limit
 THICKNESSES = (0.5, 50.0)
 RATIOS = (0.02, 0.1, 0.3, 1.0)  # range of b/t, and values of t/R, of the thickness review
-
-
-class PlacedHinge(NamedTuple):
-    """One of the nine hinges; `axis_deg` is the direction of the neck."""
-
-    chain: int
-    hinge: str
-    centre_mm: tuple[float, float]
-    axis_deg: float
-    radius_mm: float
-    neck_mm: float
-    prismatic: bool
-
-
-class PlacedActuator(NamedTuple):
-    """An actuator and the chains with identical data, its contacts as on chain 1, and the ratings
-    of its stacks.
-    """
-
-    name: str
-    chains: list[int]
-    between: tuple[str, str]
-    stack: str | None
-    contacts_mm: list[tuple[float, float]]
-    directions_deg: list[float]
-    stroke_um: float
-    stiffness_n_per_um: float
-    blocking_force_n: float
-    stiffness_with_contact_n_per_um: float
-    preload_n: float
-    contact: str
-
-
-class DriveReport(NamedTuple):
-    """The drive of a stage; the hash, assumptions and sources are those of the stage and the drive
-    together.
-    """
-
-    actuators: list[PlacedActuator]
-    hash: str
-    provenance: dict[str, str]
-    assumed: list[str]
-    not_stated: list[str]
-
-
-@brief
-class StageReport(NamedTuple):
-    """A valid, feasible stage: `dimensions` by keys of the file, `provenance` by key path; `drive`
-    if it has one.
-    """
-
-    file: str
-    name: str
-    mobility: int
-    model: Plane
-    chains_alike: bool
-    hash: str
-    dimensions: dict[str, Any]
-    hinges: list[PlacedHinge]
-    provenance: dict[str, str]
-    warnings: list[str]
-    assumed: list[str]
-    not_stated: list[str]
-    drive: DriveReport | None = None
 
 
 class PlacedBody(NamedTuple):
@@ -172,7 +99,7 @@ class MechanismReport(NamedTuple):
 
     file: str
     name: str
-    model: Reduction
+    model: str
     hash: str
     dimensions: dict[str, Any]
     size_mm: tuple[float, float]
@@ -188,22 +115,24 @@ class MechanismReport(NamedTuple):
     not_stated: list[str]
 
 
-def check(stage: Mechanism) -> StageReport | MechanismReport:
-    """Validate a stage or mechanism file; show its parts, drive and the sources of the numbers.
+@question
+def check(mechanism: Mechanism) -> MechanismReport:
+    """Validate a file; show its parts, drive and the sources of the numbers.
 
     Parameters
     ----------
-    stage : Stage or Mechanism
-        The stage or mechanism.
+    mechanism : Mechanism
+        The mechanism, of a mechanism file or of a stage file.
 
     Returns
     -------
-    StageReport or MechanismReport
+    MechanismReport
+        Of a stage file `StageReport`.
 
     Raises
     ------
     BadInput
-        The stage or mechanism cannot be made.
+        The mechanism cannot be made.
 
     Examples
     --------
@@ -212,210 +141,170 @@ def check(stage: Mechanism) -> StageReport | MechanismReport:
     >>> found.mobility, found.chains_alike, found.hinges[0].radius_mm, len(found.assumed)
     (6, True, 4.0, 17)
     """
-    return _mechanism_report(stage) if isinstance(stage, MechanismFile) else _stage_report(stage)
-
-
-def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
     layout = mechanism.layout
-    material = mechanism.material
-    with located(mechanism):
-        check_layout(layout)
-    plate = [
-        *(body_polygon(layout, k) for k in range(len(layout.bodies))),
-        *map(joint_polygon, layout.joints),
-    ]
+    plate = [body_polygon(layout, index) for index in range(len(layout.bodies))]
+    plate += [joint_polygon(joint) for joint in layout.joints]
     extent = np.ptp(np.reshape(shapely.total_bounds(plate), (2, 2)), axis=0)
-    names = [*(body.name for body in layout.bodies), GROUND]  # body -1 is the ground outside
-    densities = [material.density for material in layout.materials]
-    areas = shapely.area(plate).tolist()
-    masses = [
-        _rounded(1e6 * rho * layout.thickness * area)
-        for rho, area in zip(densities, areas, strict=True)
-    ]
-    stated = {
-        "thickness_mm": layout.thickness,
-        "material": material.model_dump(
-            mode="json", by_alias=True, exclude={"expansion"}, exclude_none=True
-        ),
-        "parameters": {key: float(value) for key, value in mechanism.parameters.items()},
-        "payload": [
-            {"mass_g": 1e6 * load.mass, "inertia_kg_mm2": 1e3 * load.inertia}
-            for load in layout.payloads
-        ],
-    }
-    held = {key_path(("body", k), mechanism): _held(body) for k, body in enumerate(mechanism.body)}
-    words = {
-        key_path(("hinge", k), mechanism): hinge.shape for k, hinge in enumerate(mechanism.hinge)
-    }  # copies have the key of their original, as bodies have
-    sources = {key: text for key, text in mechanism.sources.items() if text}
-    tables = {
-        key: [key[:k] for k, character in enumerate(key) if character in ".["] for key in sources
-    }
+    masses = _masses(layout, shapely.area(plate))
     return MechanismReport(
         **of_stage(mechanism),
         model=mechanism.model,
         hash=mechanism.hash,
-        dimensions={key: value for key, value in stated.items() if value},
-        size_mm=(_rounded(extent[0]), _rounded(extent[1])),
+        dimensions=_dimensions(mechanism),
+        size_mm=(rounded(extent[0]), rounded(extent[1])),
         mass_g=sum(masses),
-        bodies=[
-            PlacedBody(body.name, held[body.key], mass, len(body.holes))
-            for body, mass in zip(layout.bodies, masses, strict=False)
-        ],
-        hinges=[_profile(joint, names, words[joint.key]) for joint in layout.joints],
-        points=[
-            PlacedPoint(name, names[at.body], _place(at.point), at.radius)
-            for name, at in layout.points
-        ],
-        actuators=[
-            LinearDrive(
-                each.name,
-                " - ".join(names[contact.body] for contact in each.contacts),
-                _place(each.contacts[0].point),
-                _place(each.contacts[1].point),
-                _rounded(1e3 * each.stroke),
-                _rounded(RATE.factor * each.stiffness),
-                each.blocking_force,
-                _rounded(1e6 * each.mass),
-            )
-            for each in layout.actuators
-        ],
+        bodies=_bodies(mechanism, masses),
+        hinges=_hinges(mechanism),
+        points=_points(layout),
+        actuators=_actuators(layout),
         gaps=_gaps(layout),
-        provenance={
-            key: text for key, text in sources.items() if text not in map(sources.get, tables[key])
-        },
+        provenance=_provenance(mechanism),
         warnings=[*warning.of_numbers(mechanism), *warning.of_parameters(mechanism)],
     )
 
 
+def _masses(layout: Layout, areas: Array) -> list[float]:
+    """Return the masses, g, of bodies and hinges of these areas, mm^2."""
+    masses = list[float]()
+    for material, area in zip(layout.materials, areas.tolist(), strict=True):
+        masses.append(rounded(1e6 * material.density * layout.thickness * area))
+    return masses
+
+
+def _dimensions(mechanism: Mechanism) -> dict[str, Any]:
+    """Return thickness, material, parameters and payload, those that are stated."""
+    stated = {
+        "thickness_mm": mechanism.layout.thickness,
+        "material": mechanism.material.model_dump(
+            mode="json", by_alias=True, exclude={"expansion"}, exclude_none=True
+        ),
+        "parameters": {key: float(value) for key, value in mechanism.numbers_by_parameter.items()},
+        "payload": [
+            {"mass_g": 1e6 * load.mass, "inertia_kg_mm2": 1e3 * load.inertia}
+            for load in mechanism.layout.payloads
+        ],
+    }
+    return {key: value for key, value in stated.items() if value}
+
+
+def _names(layout: Layout) -> list[str]:
+    """Return the names of the bodies, then that of the ground outside, which is body -1."""
+    return [*(body.name for body in layout.bodies), GROUND]
+
+
+def _bodies(mechanism: Mechanism, masses: Sequence[float]) -> list[PlacedBody]:
+    placed = list[PlacedBody]()
+    for body, mass in zip(mechanism.layout.bodies, masses, strict=False):
+        held = _held(mechanism.entries[body.key])
+        placed.append(PlacedBody(body.name, held, mass, len(body.holes)))
+    return placed
+
+
+def _hinges(mechanism: Mechanism) -> list[PlacedProfile]:
+    """Return the hinges; copies have the key of their original, as bodies have."""
+    layout = mechanism.layout
+    names = _names(layout)
+    return [_profile(joint, names, mechanism.entries[joint.key].shape) for joint in layout.joints]
+
+
+def _points(layout: Layout) -> list[PlacedPoint]:
+    names = _names(layout)
+    return [
+        PlacedPoint(name, names[at.body], placed(at.point), at.radius) for name, at in layout.points
+    ]
+
+
+def _actuators(layout: Layout) -> list[LinearDrive]:
+    names = _names(layout)
+    return [
+        LinearDrive(
+            each.name,
+            " - ".join(names[contact.body] for contact in each.contacts),
+            placed(each.contacts[0].point),
+            placed(each.contacts[1].point),
+            rounded(1e3 * each.stroke),
+            rounded(RATE.factor * each.stiffness),
+            each.blocking_force,
+            rounded(1e6 * each.mass),
+        )
+        for each in layout.actuators
+    ]
+
+
+def _provenance(mechanism: Mechanism) -> dict[str, str]:
+    """Return the sources by key path, without those that equal the source of a table above."""
+    sources = {key: text for key, text in mechanism.sources.items() if text}
+    found = dict[str, str]()
+    for key, text in sources.items():
+        tables = [key[:k] for k, character in enumerate(key) if character in ".["]
+        if text not in [sources.get(table) for table in tables]:
+            found[key] = text
+    return found
+
+
 def _gaps(layout: Layout) -> list[PlacedGap]:
     names = names_of_parts(layout)
-    return [
-        PlacedGap(
-            " - ".join(names[part] for part in gap.parts), _rounded(gap.width), _place(gap.place)
-        )
-        for gap in smallest_gaps(layout, MOST_GAPS)
-    ]
+    gaps = list[PlacedGap]()
+    for gap in smallest_gaps(layout, MOST_GAPS):
+        between = " - ".join(names[part] for part in gap.parts)
+        gaps.append(PlacedGap(between, rounded(gap.width), placed(gap.place)))
+    return gaps
 
 
 def _held(body: PlateBody) -> str:
     """Say how the ground holds a body: edges have the numbers that the file gives them, from 1."""
     if body.fixed:
         return "fixed"
-    edges = ", ".join(map(str, sorted(body.clamped_edges)))
-    if not edges:
+    numbers = sorted(body.clamped_edges)
+    if not numbers:
         return ""
-    return f"clamped at edge{'s' * (len(body.clamped_edges) > 1)} {edges}"
+    edges = "edges" if len(numbers) > 1 else "edge"
+    return f"clamped at {edges} {', '.join(map(str, numbers))}"
 
 
 def _profile(joint: Joint, names: list[str], shape: str) -> PlacedProfile:
     profile = joint.profile
-    own = {
-        each.name: getattr(profile, each.name)
-        for each in fields(profile)
-        if each.name not in ("neck", "span")
-    }
-    texts = {key: f"{value:.6g} {LENGTH}" for key, value in own.items() if isinstance(value, float)}
-    texts |= {"angle": f"{np.rad2deg(own['angle']):.6g} deg"} if "angle" in own else {}
-    others = [f"{FILE_KEYS.get(key, key).replace('_', ' ')} {text}" for key, text in texts.items()]
-    if "table" in own:
-        others.append(
-            f"{len(own['table'])} rows joined by "
-            f"{'a smooth curve' if own['smooth'] else 'straight lines'}"
-        )
-    if profile.side:
-        others.append(f"on the {profile.side} side")
-    if own.get("flush"):
-        others.append(f"flush {', '.join(own['flush'])}")
-    between = " - ".join(names[body] for body in joint.bodies)
-    direction = np.rad2deg(joint.heading) % 360.0
-    size = (_rounded(profile.length), _rounded(profile.neck), ", ".join(others))
     return PlacedProfile(
-        joint.name, between, shape, *size, _place(joint.place), _rounded(direction)
+        hinge=joint.name,
+        between=" - ".join(names[body] for body in joint.bodies),
+        shape=shape,
+        length_mm=rounded(profile.length),
+        neck_mm=rounded(profile.neck),
+        other=", ".join(_other_dimensions(profile)),
+        centre_mm=placed(joint.place),
+        direction_deg=rounded(np.rad2deg(joint.heading) % 360.0),
     )
 
 
-def _place(z: complex) -> tuple[float, float]:
-    return _rounded(z.real), _rounded(z.imag)
+def _other_dimensions(profile: Profile) -> list[str]:
+    """Return the dimensions of a profile besides length and neck."""
+    own = {each.name: getattr(profile, each.name) for each in fields(profile)}
+    texts = list[str]()
+    for key, value in own.items():
+        if isinstance(value, float) and key not in ("neck", "span"):
+            unit = LENGTH
+            if key == "angle":
+                value = np.rad2deg(value)
+                unit = "deg"
+            texts.append(f"{FILE_KEYS.get(key, key).replace('_', ' ')} {value:.6g} {unit}")
+    if "table" in own:
+        line = "a smooth curve" if own["smooth"] else "straight lines"
+        texts.append(f"{len(own['table'])} rows joined by {line}")
+    if profile.side:
+        texts.append(f"on the {profile.side} side")
+    if own.get("flush"):
+        texts.append(f"flush {', '.join(own['flush'])}")
+    return texts
 
 
-def _rounded(value: float) -> float:
+def placed(point: complex) -> tuple[float, float]:
+    """Return a point as x and y, rounded."""
+    return rounded(point.real), rounded(point.imag)
+
+
+def rounded(value: float) -> float:
     """Remove the round-off by which identical chains differ."""
     return round(float(value), 9) + 0.0
-
-
-def _stage_report(stage: Stage) -> StageReport:
-    check_feasible(stage)
-    others = {
-        "name",
-        "units",
-        "model",
-        "hinges",
-        "override",
-        "actuator",
-        "provenance",
-        "frame",
-    }  # reported elsewhere
-    left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
-    frames = stage_frames(stage)
-    hinges = list[PlacedHinge]()
-    for (row, k), axis in np.ndenumerate(frames.axes):
-        hinge = stage.hinge(row + 1, HINGE_NAMES[k])
-        x, y = frames.centres[row, k].tolist()
-        place = (row + 1, HINGE_NAMES[k], (x, y), float(np.rad2deg(axis) % 360.0))
-        hinges.append(PlacedHinge(*place, hinge.radius, hinge.neck, hinge.prismatic))
-    sources = {key: text for key, text in stage.sources.items() if text}
-    return StageReport(
-        **of_stage(stage),
-        mobility=stage.mobility,
-        model=stage.model,
-        chains_alike=stage.chains_alike,
-        hash=stage.hash,
-        dimensions=stage.model_dump(
-            mode="json", by_alias=True, exclude=left_out, exclude_none=True
-        ),
-        hinges=hinges,
-        provenance={
-            key: text for key, text in sources.items() if not (of_drive(key) or of_heat(key))
-        },
-        warnings=warning.of_stage(stage),
-        drive=_drive(stage) if stage.actuator else None,
-    )
-
-
-def _drive(stage: Stage) -> DriveReport:
-    """Return the drive; actuators of a file that are identical on several chains are listed once."""
-    found = list[PlacedActuator]()
-    for index, chain in np.ndindex(len(stage.actuator), len(CHAINS)):
-        actuator = actuators_of(stage)[chain][index]
-        drive = drive_of(stage)
-        numbers = np.flatnonzero(
-            drive.differential[:, drive.names.index(f"{actuator.name}, chain {CHAINS[chain]}")]
-        )
-        placed = [drive.stacks[k] for k in numbers]
-        one = PlacedActuator(
-            name=actuator.name,
-            chains=[CHAINS[chain]],
-            between=actuator.between,
-            stack=actuator.stack,
-            contacts_mm=[_place(contact.point) for contact in placed],
-            directions_deg=[
-                _rounded(np.angle(contact.direction, deg=True)) % 360.0 for contact in placed
-            ],
-            stroke_um=_rounded(1e3 * actuator.rating.stroke),
-            stiffness_n_per_um=_rounded(RATE.factor * actuator.rating.stiffness),
-            blocking_force_n=actuator.rating.blocking_force,
-            stiffness_with_contact_n_per_um=RATE.factor * float(drive.stiffness[numbers[0]]),
-            preload_n=actuator.preload,
-            contact=actuator.contact,
-        )
-        same = [known for known in found if one._replace(chains=known.chains) == known]
-        if same:
-            same[0].chains.extend(one.chains)
-        else:
-            found.append(one)
-    sources = {key: text for key, text in stage.sources.items() if text and of_drive(key)}
-    return DriveReport(found, stage.drive_hash, sources, **stage.drive_assumptions._asdict())
 
 
 class KnownFormula(NamedTuple):
