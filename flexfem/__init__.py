@@ -82,7 +82,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.results import Result as Result
-    from flexfem.schemas import schema as schema
+    from flexfem.schemas.command import schema as schema
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import plot_study as plot_study
@@ -159,7 +159,7 @@ OTHERS = {  # module of names that scripts may use, too; documented in their mod
     "thickness_review": "questions.check",
     "dynamic_model": "questions.modes",
     "Result": "results",
-    "schema": "schemas",
+    "schema": "schemas.command",
     "clean_study": "studies",
     "collect_study": "studies",
     "plot_study": "studies",

@@ -1,9 +1,10 @@
-"""Template files, drawings and meshes of stages and mechanisms, and the list of hinge formulas."""
+"""Template files, drawings and meshes of mechanisms, and the list of hinge formulas."""
 
 from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Sequence
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
@@ -12,23 +13,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from flexfem import arguments
 from flexfem.arrays import brief
 from flexfem.files.refusals import checked_path, nearest, place_of, shown
-from flexfem.files.toml import kind_of, read_toml, require_plain_stem
+from flexfem.files.toml import require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.importing.departure import drawn_polygon
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, require_no_reading
 from flexfem.mechanism.content import located
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.loading import read_drawable
 from flexfem.mechanism.mechanism import Mechanism, of_stage
-from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import clashes
-from flexfem.mechanism.unfinished import read_drawable
-from flexfem.paper.bodies import stage_layout
-from flexfem.paper.stage import Stage, load_stage
+from flexfem.mechanism.unfinished import Unfinished
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, read_data
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from flexfem.plot.plate import Recognised
 
 MECHANISMS = tuple(
@@ -46,9 +47,7 @@ class NewFiles(NamedTuple):
 
 
 class View(NamedTuple):
-    """Drawing of a stage or mechanism file: files written, whether a window was opened, and what is
-    missing in it.
-    """
+    """Drawing of a file: files written, whether a window was opened, and what is missing in it."""
 
     file: str
     name: str
@@ -57,6 +56,13 @@ class View(NamedTuple):
     missing: list[str]
     assumed: list[str]
     not_stated: list[str]
+
+
+class _Template(NamedTuple):
+    """A file of `data` that is written, and the commands that can be run with it."""
+
+    name: str
+    commands: tuple[str, ...]
 
 
 def new_stage(
@@ -83,49 +89,48 @@ def new_stage(
         A file exists already or cannot be written; then nothing is written.
     """
     path = checked_path(file)
-    if path.suffix != ".toml":
-        raise BadInput(
-            f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml"
-        )
-    require_plain_stem(path)
-    if kind is not None and kind not in MECHANISMS:
-        raise BadInput(
-            f"--kind = {shown(kind)}, expected a kind of mechanism{nearest(kind, MECHANISMS)}"
-        )
-    if kind is not None and (case or study):
-        raise BadInput(
-            "--kind: cases and studies are those of the stage with nine hinges, expected no "
-            "--case or --study"
-        )
-    template, shown_by = ("new-stage", "summary") if kind is None else (f"mechanism-{kind}", "view")
-    made: dict[Path, tuple[str, tuple[str, ...]]] = {
-        path: (template, ("check", shown_by, "stiffness"))
-    }
-    if case:
-        made[path.with_stem(f"{path.stem}-case")] = "new-case", ("verify",)
-    if study:
-        made[path.with_stem(f"{path.stem}-study")] = "new-study", ("study run",)
-    for new in made:
+    templates = _templates(path, kind, case, study)
+    for new in templates:
         check_file(new)
         if new.exists() or new.is_symlink():
             raise BadInput(
                 f"{place_of(new)}: exists, expected the name of a new file; nothing is written"
             )
-    for new, (template, _) in made.items():
-        text = read_data(f"{template}.toml").replace(
-            '"stage.toml"', json.dumps(path.name, ensure_ascii=False)
-        )
+    name = json.dumps(path.name, ensure_ascii=False)
+    commands = list[str]()
+    for new, template in templates.items():
+        text = read_data(f"{template.name}.toml").replace('"stage.toml"', name)
         write_atomically(new, methodcaller("write", text.encode()))
+        commands += [f"flexfem {each} {shlex.quote(str(new))}" for each in template.commands]
     whose = "flexfem's reference stage" if kind is None else "an example"
-    return NewFiles(
-        [*map(str, made)],
-        [
-            f"flexfem {name} {shlex.quote(str(new))}"
-            for new, (_, commands) in made.items()
-            for name in commands
-        ],
-        [f"all numbers are those of {whose}: they are assumed, replace them with your own"],
-    )
+    warning = f"all numbers are those of {whose}: they are assumed, replace them with your own"
+    return NewFiles([*map(str, templates)], commands, [warning])
+
+
+def _templates(path: Path, kind: str | None, case: bool, study: bool) -> dict[Path, _Template]:
+    """Return the templates by the files to write. Raises BadInput for options that do not fit."""
+    if path.suffix != ".toml":
+        raise BadInput(
+            f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml"
+        )
+    require_plain_stem(path)
+    if kind is not None:
+        if kind not in MECHANISMS:
+            raise BadInput(
+                f"--kind = {shown(kind)}, expected a kind of mechanism{nearest(kind, MECHANISMS)}"
+            )
+        if case or study:
+            raise BadInput(
+                "--kind: cases and studies are those of the stage with nine hinges, expected no "
+                "--case or --study"
+            )
+        return {path: _Template(f"mechanism-{kind}", ("check", "view", "stiffness"))}
+    templates = {path: _Template("new-stage", ("check", "summary", "stiffness"))}
+    if case:
+        templates[path.with_stem(f"{path.stem}-case")] = _Template("new-case", ("verify",))
+    if study:
+        templates[path.with_stem(f"{path.stem}-study")] = _Template("new-study", ("study run",))
+    return templates
 
 
 def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READING) -> View:
@@ -152,79 +157,109 @@ def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READIN
         folder is not writable; or the parts of the stage or mechanism do not fit together. In the
         last case it is drawn, with the parts at fault in red, before the error is raised.
     """
-    from flexfem.plot.drawing import mark_clashes, show_window
-    from flexfem.plot.plate import drawing_figure, plot_plate
-    from flexfem.plot.write import PICTURES, write_beside, write_picture
+    from flexfem.plot.drawing import show_window
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
-    picture = (
-        target if target is not None and target.suffix in PICTURES and not target.is_dir() else None
-    )
+    picture = target if target is not None and _is_picture(target) else None
     if picture is not None:
         check_file(picture, source)
-    plate, layout, missing, recognised = _drawable(source, reading)
-    refused = None
-    clashing = list[Any]()
-    try:
-        if plate.origin.path is not None:  # of an unfinished file only parts are read
-            check_feasible(plate)
-    except BadInput as refusal:
-        if refusal.reason not in missing:
-            layout = stage_layout(plate, refuse=False) if isinstance(plate, Stage) else plate.layout
-            refused = refusal
-            clashing = clashes(layout, refusal)
-    page = partial(drawing_figure, plate, layout, missing=missing, recognised=recognised)
-    plot = partial(plot_plate, plate=plate, layout=layout, recognised=recognised)
-    mark = partial(mark_clashes, refusal=refused, clashes=clashing)
-    window = target is None and show_window(lambda ax: mark(plot(ax)), plate.name)
+    drawable = _drawable(source, reading)
+    refusal = _refusal(drawable)
+    if refusal is not None:
+        layout = drawable.file.mechanism.layout_as_drawn
+        drawable = drawable._replace(file=drawable.file._replace(layout=layout))
+    mechanism, layout, missing = drawable.file
+    draw = partial(_draw, drawable=drawable, refusal=refusal)
+    window = target is None and show_window(draw, mechanism.name)
     written = list[Path]()
-    if picture is not None:
-        mark((figure := page()).axes[0])
-        written = [write_picture(picture, figure)]
-    elif not window:
-        place = (target or Path()) / f"{source.stem}-drawing.json"
-        check_folder(place.parent)
-        mark((figure := page()).axes[0])
-        written = write_beside(place, figure)
-    if refused is not None:
-        raise BadInput(f"{refused}{f'; drawn in {written[0]}' if written else ''}")
-    about = of_stage(plate)
+    if not window:
+        folder = target or Path()
+        written = _write(drawable, refusal, picture, folder / f"{source.stem}-drawing.json")
+    if refusal is not None:
+        where = f"; drawn in {written[0]}" if written else ""
+        raise BadInput(f"{refusal}{where}")
+    about = of_stage(mechanism)
     if missing:
         about |= {"file": str(source)}
-    return View(**about, written=list(map(str, written)), window=window, missing=missing)
+    return View(**about, written=list(map(str, written)), window=window, missing=list(missing))
 
 
 class _Drawable(NamedTuple):
-    """What can be drawn of a file: the plate, its layout, what is missing, and what was recognised
-    in a drawing.
-    """
+    """What can be drawn of a file, and what was recognised if it is a drawing."""
 
-    plate: Mechanism
-    layout: Layout | None
-    missing: list[str]
+    file: Unfinished
     recognised: Recognised | None
 
 
+def _is_picture(path: Path) -> bool:
+    from flexfem.plot.write import PICTURES
+
+    return path.suffix in PICTURES and not path.is_dir()
+
+
 def _drawable(source: Path, reading: Reading) -> _Drawable:
+    """Read what can be drawn of a file. Raises BadInput."""
     from flexfem.plot.plate import Recognised
 
-    if is_drawing(source):
-        plate = imported(source, reading)
-        return _Drawable(
-            plate.mechanism,
-            None,
-            [],
-            Recognised(
-                drawn_polygon(plate.found.drawing),
-                plate.slender,
-                frozenset(hinge.name for hinge in plate.mechanism.hinge),
-            ),
-        )
-    require_no_reading(source, reading)
-    if kind_of(read_toml(source).data) == MechanismFile.kind:
-        return _Drawable(*read_drawable(source), None)
-    return _Drawable(load_stage(source), None, [], None)
+    if not is_drawing(source):
+        require_no_reading(source, reading)
+        return _Drawable(read_drawable(source), None)
+    report = imported(source, reading)
+    hinges = frozenset(hinge.name for hinge in report.mechanism.hinge)
+    recognised = Recognised(drawn_polygon(report.found.drawing), report.slender, hinges)
+    return _Drawable(Unfinished(report.mechanism, None, []), recognised)
+
+
+def _refusal(drawable: _Drawable) -> BadInput | None:
+    """Return why a mechanism cannot be made, unless that is known to be missing."""
+    mechanism = drawable.file.mechanism
+    if mechanism.origin.path is None:  # of an unfinished file only parts are read
+        return None
+    try:
+        check_feasible(mechanism)
+    except BadInput as refusal:
+        if refusal.reason not in drawable.file.missing:
+            return refusal
+    return None
+
+
+def _draw(ax: Axes, drawable: _Drawable, refusal: BadInput | None) -> None:
+    """Draw a mechanism on axes, with the parts at fault in red."""
+    from flexfem.plot.plate import plot_plate
+
+    mechanism, layout, _ = drawable.file
+    plot_plate(ax, mechanism, layout=layout, recognised=drawable.recognised)
+    _mark(ax, drawable, refusal)
+
+
+def _mark(ax: Axes, drawable: _Drawable, refusal: BadInput | None) -> None:
+    from flexfem.plot.drawing import mark_clashes
+
+    layout = drawable.file.layout
+    at_fault: Sequence[Any] = []
+    if refusal is not None and layout is not None:
+        at_fault = clashes(layout, refusal)
+    mark_clashes(ax, refusal, at_fault)
+
+
+def _write(
+    drawable: _Drawable, refusal: BadInput | None, picture: Path | None, beside: Path
+) -> list[Path]:
+    """Write a drawing as a picture, or else as PNG and PDF beside a path; return the files."""
+    from flexfem.plot.plate import drawing_figure
+    from flexfem.plot.write import write_beside, write_picture
+
+    if picture is None:
+        check_folder(beside.parent)
+    mechanism, layout, missing = drawable.file
+    figure: Figure = drawing_figure(
+        mechanism, layout, missing=missing, recognised=drawable.recognised
+    )
+    _mark(figure.axes[0], drawable, refusal)
+    if picture is None:
+        return write_beside(beside, figure)
+    return [write_picture(picture, figure)]
 
 
 class MeshReport(NamedTuple):
@@ -241,9 +276,10 @@ class MeshReport(NamedTuple):
     not_stated: list[str]
 
 
-def mesh(stage: Mechanism, output: Path, *, resolution: int | None = None) -> MeshReport:
-    """Mesh a stage or a mechanism and write it with groups: stage, ground and hub, or bodies,
-    hinges and clamped edges.
+def mesh(mechanism: Mechanism, output: Path, *, resolution: int | None = None) -> MeshReport:
+    """Mesh a stage or a mechanism and write it with groups.
+
+    The groups are stage, ground and hub, or bodies, hinges and clamped edges.
 
     Parameters
     ----------
@@ -257,39 +293,42 @@ def mesh(stage: Mechanism, output: Path, *, resolution: int | None = None) -> Me
     BadInput
         The stage or mechanism cannot be made or is not plane, or the file cannot be written.
     """
-    from flexfem.fem.export import check_format, write_mesh, write_plate_mesh
+    from flexfem.fem.export import check_format
     from flexfem.fem.mesh import RESOLUTION
-    from flexfem.fem.plate_mesh import mesh_layout
-    from flexfem.paper.stage_mesh import build_mesh, plate_of
     from flexfem.questions import warnings as warning
 
     target = checked_path(output)
     finest = arguments.resolution(RESOLUTION if resolution is None else resolution)
     check_format(target)
     check_file(target)
-    if isinstance(stage, MechanismFile):
-        with located(stage):
-            made = mesh_layout(stage.layout, finest)
-        write_plate_mesh(made, stage.layout, target)
-    else:
-        check_feasible(stage)
-        plate = plate_of(stage)
-        made = build_mesh(stage, finest)
-        write_mesh(made, plate, target)
+    write = mechanism.answering("write_mesh_of") or write_mesh_of
+    made = write(mechanism, target, finest)
     return MeshReport(
-        **of_stage(stage),
+        **of_stage(mechanism),
         written=str(target),
         resolution=finest,
         nodes=len(made.nodes),
         triangles=len(made.triangles),
-        warnings=warning.of_numbers(stage),
+        warnings=warning.of_numbers(mechanism),
     )
+
+
+def write_mesh_of(mechanism: Mechanism, target: Path, resolution: int) -> Any:
+    """Write a mesh with the groups bodies, hinges and clamped edges; return it."""
+    from flexfem.fem.export import write_plate_mesh
+    from flexfem.fem.plate_mesh import mesh_layout
+
+    with located(mechanism):
+        made = mesh_layout(mechanism.layout, resolution)
+    write_plate_mesh(made, mechanism.layout, target)
+    return made
 
 
 @brief
 class HingeFormulas(NamedTuple):
-    """Sources, freedoms and ranges of all formulas by name, of closed forms by hinge shape, and the
-    figures written.
+    """Hinge formulas by name with source, freedoms and range, closed forms by hinge shape, and files.
+
+    written : the figures.
     """
 
     formulas: dict[str, Any]
@@ -298,8 +337,9 @@ class HingeFormulas(NamedTuple):
 
 
 def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
-    """List the hinge formulas with source, freedoms and range; compare them with finite elements in
-    figures.
+    """List the hinge formulas with source, freedoms and range; compare them in figures.
+
+    The figures compare the formulas with finite elements.
 
     Parameters
     ----------

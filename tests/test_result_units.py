@@ -21,7 +21,7 @@ from flexfem.paper.model import CALIBRATED, analyse
 from flexfem.paper.responses import dynamics
 from flexfem.questions.plates import network
 from flexfem.results import AXES, About, Number, Result
-from flexfem.schemas import results
+from flexfem.schemas.formats import results
 from flexfem.study.answer import answer
 from flexfem.study.loaded import load_study
 from flexfem.units import Unit

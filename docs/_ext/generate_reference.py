@@ -20,7 +20,9 @@ from flexfem.files.provenance import is_assumed  # noqa: E402
 from flexfem.files.writing import markdown_table  # noqa: E402
 from flexfem.mechanism.actuators import catalogue  # noqa: E402
 from flexfem.mechanism.materials import KEYS, REGISTERED, materials  # noqa: E402
-from flexfem.schemas import FILE, FORMATS, KeyRow, KeyTable, results, schema, tables_of  # noqa: E402
+from flexfem.schemas.command import FILE, schema  # noqa: E402
+from flexfem.schemas.formats import FORMATS, results  # noqa: E402
+from flexfem.schemas.keys import KeyRow, KeyTable, tables_of  # noqa: E402
 from flexfem.study.columns import MEANINGS  # noqa: E402
 from flexfem.units import unit_of  # noqa: E402
 

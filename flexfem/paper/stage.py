@@ -44,6 +44,7 @@ ANSWERS: dict[str, str] = {
     "stored_mesh": "baseline",
     "stiffness": "stiffness",
     "summary": "summary",
+    "write_mesh_of": "mesh_file",
 }
 
 

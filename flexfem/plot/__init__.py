@@ -11,6 +11,7 @@ import os
 from importlib import import_module
 from typing import Any
 
+from flexfem.lazy import named
 from flexfem.refused import BadInput, printed
 
 _NAMES = {  # functions by their module under `flexfem`
@@ -45,9 +46,8 @@ def figures_of(result: Any) -> dict[str, Any]:
     the function that draws them: `figure = "module.function"` of a module of this package, or of
     the paper's, `figure = "paper.figures.module.function"`.
     """
-    module, _, draw = result.figure.rpartition(".")
-    home = "flexfem" if module.startswith("paper.") else "flexfem.plot"
-    figures = getattr(import_module(f"{home}.{module}"), draw)(result)
+    place = result.figure if result.figure.startswith("paper.") else f"plot.{result.figure}"
+    figures = named(place)(result)
     return figures if isinstance(figures, dict) else {"": figures}
 
 
@@ -64,7 +64,7 @@ def check_backend() -> None:
 
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
-        return getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
+        return named(f"{_MODULES[name]}.{name}")
     raise AttributeError(f"module 'flexfem.plot' has no attribute {name!r}")
 
 

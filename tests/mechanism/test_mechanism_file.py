@@ -17,7 +17,7 @@ from flexfem.files.writing import toml_text
 from flexfem.mechanism.mechanism_file import MechanismFile, load_mechanism
 from flexfem.mechanism.outlines import area
 from flexfem.refused import BadInput
-from flexfem.schemas import schema_of
+from flexfem.schemas.of_files import schema_of
 from flexfem.workshop import MECHANISMS
 
 from ..conftest import ROOT

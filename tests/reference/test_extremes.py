@@ -18,7 +18,7 @@ from flexfem.mechanism.mechanism_file import load_mechanism
 from flexfem.paper.case import LoadedCase
 from flexfem.paper.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
-from flexfem.schemas import FORMATS
+from flexfem.schemas.formats import FORMATS
 from flexfem.study.loaded import load_study
 
 from .test_schemas import ROOT, shipped

@@ -11,7 +11,8 @@ import pytest
 from flexfem.hinges.formulas import formulas
 from flexfem.mechanism.actuators import catalogue
 from flexfem.mechanism.materials import materials
-from flexfem.schemas import FORMATS, results, tables_of
+from flexfem.schemas.formats import FORMATS, results
+from flexfem.schemas.keys import tables_of
 from flexfem.study.columns import MEANINGS, OPTIONAL, outputs_of
 
 from ..conftest import ROOT

@@ -21,7 +21,10 @@ from flexfem.files.quantities import UNIT
 from flexfem.files.writing import toml_text
 from flexfem.paper.stage import load_stage
 from flexfem.refused import BadInput
-from flexfem.schemas import FILE, FORMATS, example_of, results, schema, schema_of, tables_of
+from flexfem.schemas.command import FILE, schema
+from flexfem.schemas.formats import FORMATS, results
+from flexfem.schemas.keys import example_of, tables_of
+from flexfem.schemas.of_files import schema_of
 from flexfem.units import UNITS
 
 from ..conftest import ROOT
@@ -71,8 +74,8 @@ def shipped(name):
 
 def accepts(name, content):
     """Whether flexfem reads the content, what other files hold left aside."""
-    model = FORMATS[name].model
-    named = FORMATS[name].named
+    model = FORMATS[name].table
+    named = FORMATS[name].tables
     try:
         for each in content.values() if named else [content]:
             model.model_validate(each)
