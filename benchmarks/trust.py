@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.paper.budget import thick_compliance
 from flexfem.paper.model import CALIBRATED, analyse
 from flexfem.paper.stage import Stage
 from flexfem.plot.study import map_figure
 from flexfem.plot.write import write_beside
 from flexfem.questions.bands import error_matrix
-from flexfem.questions.budget import thick_compliance
 from flexfem.refused import BadInput
 from flexfem.study.loaded import load_study, mechanism_of, sample
 from flexfem.study.names import factor, output

@@ -34,6 +34,7 @@ from flexfem.fem.mesh import RESOLUTION, StageMesh, ordered, welded
 from flexfem.fem.response import Response, unit_response
 from flexfem.files.writing import markdown_table
 from flexfem.hinges.formulas import FORMULAS
+from flexfem.paper.budget import SOLID, thick_compliance
 from flexfem.paper.designs import Designs, lower
 from flexfem.paper.equations import (
     AXIAL,
@@ -66,7 +67,6 @@ from flexfem.paper.solutions import solved as solve_stage
 from flexfem.paper.stage import HINGE_NAMES, Stage
 from flexfem.paper.stage_mesh import mesh_sectors, plate_of
 from flexfem.questions.bands import error_bands, error_matrix, levels
-from flexfem.questions.budget import SOLID, thick_compliance
 from flexfem.refused import BadInput, ComputationFailed
 
 try:

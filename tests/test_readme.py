@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.paper.budget import CHART, SHARES
 from flexfem.paper.model import analyse
 from flexfem.paper.stage import load_stage
-from flexfem.questions.budget import CHART, SHARES
 
 ROOT = Path(__file__).parent.parent
 PAGES = "\n".join(

@@ -34,6 +34,7 @@ ANSWERS: dict[str, str] = {
     "as_built": "as_built",
     "design_kind": "design",
     "drift": "drift",
+    "budget": "budget",
     "drive": "drive",
     "family": "study",
     "gravity": "gravity",

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
+from flexfem.paper.budget import StageBudget
 from flexfem.paper.verification import CurveModels, HingeDrawing, Verification
-from flexfem.questions.budget import Budget
 from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.plates import MechanismErrors
 from flexfem.results import About, Fields
@@ -101,7 +101,7 @@ def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Ver
     )
 
 
-def budget(outside: bool = True, assumed: tuple[str, ...] = ()) -> Budget:
+def budget(outside: bool = True, assumed: tuple[str, ...] = ()) -> StageBudget:
     """Shares that differ in all directions and within each, of both signs; totals are their sums."""
     shares = np.array(
         [
@@ -123,7 +123,7 @@ def budget(outside: bool = True, assumed: tuple[str, ...] = ()) -> Budget:
         )
         bands["solid"] = np.array([[np.nan] * 3, [0.121, 0.234, 0.345], [0.134, 0.361, 0.590]])
     about = About("a stage $x_1$", "one.toml", "1234", assumed, lever=21.0)
-    return Budget(about, values, bands, settings={"model": "mobility 6, paros-weisbord"})
+    return StageBudget(about, values, bands, settings={"model": "mobility 6, paros-weisbord"})
 
 
 def mesh_study(assumed: tuple[str, ...] = ()) -> MeshConvergence:

@@ -11,18 +11,18 @@ import pytest
 
 import flexfem
 from flexfem.page.key import errors_driven, rows_at_rest
-from flexfem.paper.model import analyse
-from flexfem.paper.stage import load_feasible
-from flexfem.questions import budget as module
-from flexfem.questions.budget import (
+from flexfem.paper import budget as module
+from flexfem.paper.budget import (
     CHART,
     IN_ALL,
     MEASURED,
     SHARES,
     TOTAL,
-    budget,
     thick_compliance,
 )
+from flexfem.paper.model import analyse
+from flexfem.paper.stage import load_feasible
+from flexfem.questions.budget import budget
 from flexfem.results import SOLID
 from flexfem.units import DIRECTIONS
 

@@ -8,17 +8,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexfem.paper.budget import CHART, MEASURED, SHARES, TOTAL, StageBudget
 from flexfem.plot import style
 from flexfem.plot.errors import NAME_WIDTH, WIDTH
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled
 from flexfem.plot.text import minus
-from flexfem.questions.budget import CHART, MEASURED, SHARES, TOTAL, Budget
 from flexfem.results import number
 from flexfem.units import DIRECTIONS, Direction
 
 
 @style.in_house_style
-def budget_figure(budget: Budget) -> Figure:
+def budget_figure(budget: StageBudget) -> Figure:
     """Draw the error budget of the commanded direction, one panel per direction."""
     lines = [
         "Error of the finite elements under the force of the analytic model, (18): "
@@ -47,7 +47,7 @@ class _Bar(NamedTuple):
     is_total: bool = False
 
 
-def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
+def plot_budget(ax: Axes, budget: StageBudget, direction: Direction) -> Axes:
     """Draw the shares of the error of the command in one direction and their sums; return `ax`.
 
     The effect of three dimensions follows the total in the plane where it is known: by finite
@@ -80,7 +80,7 @@ def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
 
 
 def _bars_of_thickness(
-    budget: Budget, direction: Direction, total: float, band: float
+    budget: StageBudget, direction: Direction, total: float, band: float
 ) -> list[_Bar]:
     """Return the effect of three dimensions, and the total with it, where they are known."""
     if "solid" not in budget.values:
