@@ -6,47 +6,44 @@ pads are as long as they are wide. Inner bends of links are rounded, because a s
 corner would spoil the convergence of the finite elements. Each side of a lug follows the face of
 the hinge if that face meets the disc; otherwise it continues parallel to the neck into the disc,
 or, if it would miss the disc, runs tangentially to it. The hub is rigid, so it is not part of the
-meshed sectors."""
+meshed sectors.
+"""
 
 from __future__ import annotations
 
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from itertools import product
 from types import MappingProxyType
 
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array, turned
 from flexfem.files.tables import once
-from flexfem.mechanism.layout import Body, Joint, Layout, Patch, Payload
+from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.outlines import (
     Face,
     Pose,
     Segment,
     area_moments,
-    disc,
     inertia_of,
     offset,
     polyline,
     reverse,
     shortest_path,
 )
-from flexfem.mechanism.profiles import Circular
 from flexfem.paper.designs import stage_frames
 from flexfem.paper.frames import CHAIN_TURN
 from flexfem.paper.stage_file import CHAINS, HINGE_NAMES, Hinge, StageContent, key_of
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 
-FILLET = (
-    1 / 8
-)  # radius of an inner bend, and length of the straight stub next to a notch, per link width
+# radius of an inner bend, and length of the straight stub next to a notch, per link width
+FILLET = 1 / 8
 LUG = 1 / 2  # length of the straight part of a lug that is tangential to the disc, per link width
-NARROWEST_RIM = np.deg2rad(
-    2.0
-)  # least free rim between two lugs, where the cut between two sectors lies
+# least free rim between two lugs, rad, where the cut between two sectors lies
+NARROWEST_RIM = np.deg2rad(2.0)
+BISECTIONS = 24  # of the widest link that can be drawn
 BODIES = ("pad", "link 1", "link 2", "platform")
 
 
@@ -79,32 +76,45 @@ def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], .
     """
     poses = necks(stage, chain)
     width = stage.chain.link_width
-    radii = [stage.hinge(chain, name).radius for name in HINGE_NAMES]
-    lines = [
-        tuple(polyline(poses[0].ahead(-radii[0] - width).point, poses[0].ahead(-radii[0]).point))
-    ]
+    radii = notch_radii(stage, chain)
+    face = poses[0].ahead(-radii[0])
+    lines = [tuple(polyline(face.ahead(-width).point, face.point))]
     for k in (1, 2):
         leave = poses[k - 1].ahead(radii[k - 1])
         arrive = poses[k].ahead(-radii[k])
         bend = _bend(leave, arrive, width)
         if bend is None:
-            low = 0.0
-            high = width
-            for _ in range(24):  # bisection: the widest link that can be drawn
-                middle = (low + high) / 2
-                low, high = (
-                    (low, middle) if _bend(leave, arrive, middle) is None else (middle, high)
-                )
-            raise BadInput(
-                f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, expected room for "
-                f"link {k} of chain {chain}: no strip {width:g} mm wide can be drawn from hinge "
-                f"to hinge at {given_angles(stage)}, "
-                f"{f'only with chain.link_width_mm < {high:.4g}' if low else 'nor with any other chain.link_width_mm'}"
-            )
-        lines.append(
-            (*polyline(leave.point, bend[0].start), *bend, *polyline(bend[-1].end, arrive.point))
-        )
+            raise _no_room(stage, f"link {k} of chain {chain}", leave, arrive)
+        start = polyline(leave.point, bend[0].start)
+        end = polyline(bend[-1].end, arrive.point)
+        lines.append((*start, *bend, *end))
     return tuple(lines)
+
+
+def notch_radii(stage: StageContent, chain: int) -> list[float]:
+    """Return the radii of the notches of one chain (1 to 3), mm."""
+    return [stage.hinge(chain, name).radius for name in HINGE_NAMES]
+
+
+def _no_room(stage: StageContent, link: str, leave: Pose, arrive: Pose) -> BadInput:
+    """Return the refusal of a link between two hinges, with the widest one that can be drawn."""
+    width = stage.chain.link_width
+    possible = 0.0
+    impossible = width
+    for _ in range(BISECTIONS):
+        middle = (possible + impossible) / 2
+        if _bend(leave, arrive, middle) is None:
+            impossible = middle
+        else:
+            possible = middle
+    otherwise = "nor with any other chain.link_width_mm"
+    if possible:
+        otherwise = f"only with chain.link_width_mm < {impossible:.4g}"
+    return BadInput(
+        f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, expected room for {link}: no "
+        f"strip {width:g} mm wide can be drawn from hinge to hinge at {given_angles(stage)}, "
+        f"{otherwise}"
+    )
 
 
 def _bend(leave: Pose, arrive: Pose, width: float) -> list[Segment] | None:
@@ -115,8 +125,9 @@ def _bend(leave: Pose, arrive: Pose, width: float) -> list[Segment] | None:
 def notch_side(
     neck: Pose, hinge: Hinge, width: float, side: int
 ) -> tuple[list[Segment], list[Segment]]:
-    """Both halves of the notch on one side (1 left, -1 right) along the neck: wall and arc, then
-    arc and wall.
+    """Both halves of the notch on one side (1 left, -1 right) along the neck.
+
+    They are wall and arc, then arc and wall.
     """
     along = cmath.exp(1j * neck.heading)
     radius = hinge.radius
@@ -126,28 +137,28 @@ def notch_side(
     enter = middle - radius * along
     leave = middle + radius * along
     edge = (width / 2 - hinge.neck / 2 - radius) * across
-    return (
-        [*polyline(enter + edge, enter), Segment(enter, bottom, middle)],
-        [Segment(bottom, leave, middle), *polyline(leave, leave + edge)],
-    )
+    first = [*polyline(enter + edge, enter), Segment(enter, bottom, middle)]
+    second = [Segment(bottom, leave, middle), *polyline(leave, leave + edge)]
+    return first, second
 
 
 def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]]:
-    """Edges of pad, link 1, link 2 and platform lug on one side (1 left, -1 right), each from neck
-    to neck.
+    """Edges of pad, link 1, link 2 and platform lug on one side (1 left, -1 right), from neck to
+    neck.
     """
     width = stage.chain.link_width
-    lines = [offset(line, side * width / 2) for line in centrelines(stage, chain)]
-    notches = [
-        notch_side(neck, stage.hinge(chain, name), width, side)
-        for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True)
-    ]
-    pad, first, second = ([*line, *notch[0]] for line, notch in zip(lines, notches, strict=True))
+    pad, first, second = (offset(line, side * width / 2) for line in centrelines(stage, chain))
+    poses = necks(stage, chain)
+    hinges = [stage.hinge(chain, name) for name in HINGE_NAMES]
+    base, elbow, platform = (
+        notch_side(neck, hinge, width, side) for neck, hinge in zip(poses, hinges, strict=True)
+    )
+    lug = lug_side(stage, chain, side)
     return [
-        pad,
-        notches[0][1] + first,
-        notches[1][1] + second,
-        [*notches[2][1], *lug_side(stage, chain, side)],
+        [*pad, *base[0]],
+        [*base[1], *first, *elbow[0]],
+        [*elbow[1], *second, *platform[0]],
+        [*platform[1], *lug],
     ]
 
 
@@ -159,23 +170,15 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     """
     neck = necks(stage, chain)[2]
     width = stage.chain.link_width
-    hinge = stage.hinge(chain, "platform")
     along = cmath.exp(1j * neck.heading)
     across = 1j * side * along
-    corner = neck.ahead(hinge.radius).point + width / 2 * across
+    corner = neck.ahead(stage.hinge(chain, "platform").radius).point + width / 2 * across
     front = -(corner / along).real
     aside = side * (-(corner / along)).imag  # centre of the disc relative to the corner
     disc = stage.platform.radius
     fillet = FILLET * width
     if front < width - disc:
-        given = given_angles(stage)
-        if hinge.axis is not None:
-            given = f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(hinge.axis):.6g}"
-        raise BadInput(
-            f"{given}: the neck of chain {chain} points past the platform, expected the platform "
-            f"centre at least link_width - platform.radius = {width - disc:g} mm ahead of the "
-            f"hinge's face, not {front:g}, or platform.radius_mm >= {width - front:g}"
-        )
+        raise _past_platform(stage, chain, front)
     if aside > 0 and front < disc:  # the face of the hinge meets the disc
         return tuple(_filleted(corner, across, -along, disc, fillet))
     if abs(aside) < disc - fillet:
@@ -185,21 +188,39 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     return tuple(polyline(corner, end, disc * cmath.exp(1j * touch)))
 
 
+def _past_platform(stage: StageContent, chain: int, front: float) -> BadInput:
+    """Return the refusal of a neck that points past the platform, `front` mm before its centre."""
+    width = stage.chain.link_width
+    axis = stage.hinge(chain, "platform").axis
+    given = given_angles(stage)
+    if axis is not None:
+        given = f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(axis):.6g}"
+    least = f"link_width - platform.radius = {width - stage.platform.radius:g} mm"
+    return BadInput(
+        f"{given}: the neck of chain {chain} points past the platform, expected the platform "
+        f"centre at least {least} ahead of the hinge's face, not {front:g}, or "
+        f"platform.radius_mm >= {width - front:g}"
+    )
+
+
 def _filleted(
     start: complex, heading: complex, outside: complex, disc: float, fillet: float
 ) -> list[Segment]:
-    """Line from `start` along `heading` into the disc, with a fillet on the side `outside` (unit
-    vectors).
+    """Line from `start` along `heading` into the disc, with a fillet on the side `outside`.
+
+    Directions are unit vectors.
     """
     height = ((start + fillet * outside) / outside).real
     centre = height * outside - np.sqrt((disc + fillet) ** 2 - height**2) * heading
     foot = centre - fillet * outside
     if ((foot - start) / heading).real < 0:
         front = -(start / heading).real
-        most = f"<= {np.hypot(front, height) - fillet:.6g}, or " * bool(front > 0)
+        expected = "a longer chain.link_lengths_mm[2]"
+        if front > 0:
+            expected = f"<= {np.hypot(front, height) - fillet:.6g}, or {expected}"
         raise BadInput(
             f"platform.radius_mm = {disc:g}, the platform covers the platform hinge; expected "
-            f"{most}a longer chain.link_lengths_mm[2]"
+            f"{expected}"
         )
     return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
 
@@ -212,22 +233,27 @@ def cut_angle(stage: StageContent) -> float:
     Raises BadInput when the lugs leave no free rim between them.
     """
     middle = cmath.phase(sum(necks(stage, chain)[2].point for chain in CHAINS))
-    first, last = (
-        [
-            cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * middle))
-            for chain in CHAINS
-        ]
-        for side in (1, -1)
-    )
-    covered = max(last) - min(first)
-    if covered > CHAIN_TURN - NARROWEST_RIM:
+    back = cmath.exp(-1j * middle)
+
+    def reached(side: int) -> list[float]:
+        """Directions, rad, from the middle, where the lugs of all chains meet the disc on a side."""
+        return [cmath.phase(lug_side(stage, chain, side)[-1].end * back) for chain in CHAINS]
+
+    first = min(reached(1))
+    last = max(reached(-1))
+    covered = last - first
+    free = CHAIN_TURN - NARROWEST_RIM
+    if covered > free:
         raise BadInput(
             f"platform.radius_mm = {stage.platform.radius:g}, expected a platform large enough "
             f"for its three lugs, each covers {np.rad2deg(covered):.0f} of 120 degrees and may "
-            f"cover {np.rad2deg(CHAIN_TURN - NARROWEST_RIM):.0f} at chain.link_width_mm = "
+            f"cover {np.rad2deg(free):.0f} at chain.link_width_mm = "
             f"{stage.chain.link_width:g}"
         )
-    return float(middle + (min(first) + max(last) - CHAIN_TURN) / 2)
+    return float(middle + (first + last - CHAIN_TURN) / 2)
+
+
+Edges = list[tuple[str, list[Segment]]]  # labels and segments of an outline
 
 
 @once
@@ -236,28 +262,29 @@ def draw_sector(stage: StageContent, chain: int) -> Mapping[str, Face]:
 
     Raises BadInput when they cannot be drawn.
     """
-    left, right = (body_sides(stage, chain, side) for side in (1, -1))
-    faces = {}
+    left = body_sides(stage, chain, 1)
+    right = body_sides(stage, chain, -1)
     sections = ["ground", *(f"neck {name}" for name in HINGE_NAMES)]
-    for k, (right_edge, left_edge) in enumerate(zip(right, left, strict=True)):
-        start = Segment(left_edge[0].start, right_edge[0].start)
-        end = Segment(right_edge[-1].end, left_edge[-1].end)
-        distal = [(sections[k + 1], [end])] if k < 3 else _platform(stage, end)
-        pieces = [
-            (sections[k], [start]),
-            ("free", right_edge),
-            *distal,
-            ("free", reverse(left_edge)),
-        ]
-        path = [(segment, label) for label, piece in pieces for segment in piece]
-        faces[BODIES[k]] = Face([segment for segment, _ in path], [label for _, label in path])
+    faces = dict[str, Face]()
+    for k, name in enumerate(BODIES):
+        start = Segment(left[k][0].start, right[k][0].start)
+        end = Segment(right[k][-1].end, left[k][-1].end)
+        far: Edges = _platform(stage, end) if name == "platform" else [(sections[k + 1], [end])]
+        outline: Edges = [(sections[k], [start]), ("free", right[k])]
+        outline += [*far, ("free", reverse(left[k]))]
+        faces[name] = _face(outline)
     return MappingProxyType(faces)
 
 
-def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment]]]:
-    """Outline of the platform in a sector, from the end of the lug's right side to the end of its
-    left side.
-    """
+def _face(outline: Edges) -> Face:
+    """Return the face within an outline."""
+    segments = [segment for _, edge in outline for segment in edge]
+    labels = [label for label, edge in outline for _ in edge]
+    return Face(segments, labels)
+
+
+def _platform(stage: StageContent, rim: Segment) -> Edges:
+    """Outline of the platform in a sector, from the right side of the lug to its left side."""
     disc = stage.platform.radius
     hub = stage.platform.hub_radius
     first = cut_angle(stage)
@@ -272,94 +299,10 @@ def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment
 
 
 @once
-def stage_layout(stage: StageContent, refuse: bool = True) -> Layout:
-    """Return a stage as any other mechanism: three pads and six links, the platform without its
-    hub, nine hinges.
-
-    Raises BadInput for bodies that cannot be drawn. Without `refuse`, for drawings, strips between
-    the necks and the disc of the platform stand for them, and the refusal is the key of the body at
-    fault."""
-    width = stage.chain.link_width
-    drawn = dict[str, list[Segment]]()
-    faults = list[str]()
-    for chain in CHAINS:
-        try:
-            lines: Sequence[Sequence[Segment]] = centrelines(stage, chain)
-        except BadInput as refusal:
-            if refuse:
-                raise
-            poses = necks(stage, chain)
-            radii = [stage.hinge(chain, at).radius for at in HINGE_NAMES]
-            starts = [poses[0].ahead(-radii[0] - width), *map(Pose.ahead, poses, radii)]
-            faces = [pose.ahead(-radius) for pose, radius in zip(poses, radii, strict=True)]
-            lines = [
-                polyline(start.point, face.point)
-                for start, face in zip(starts, faces, strict=False)
-            ]
-            faults.append(refusal.reason)
-        for name, line in zip(BODIES, lines, strict=False):
-            left, right = (turn(offset(line, side * width / 2), chain) for side in (1, -1))
-            ends = Segment(left[0].start, right[0].start), Segment(right[-1].end, left[-1].end)
-            drawn[f"{name} of chain {chain}"] = [ends[0], *right, ends[1], *reverse(left)]
-    try:
-        drawn["platform"] = _platform_outline(stage)
-    except BadInput as refusal:
-        if refuse:
-            raise
-        drawn["platform"] = disc(0j, stage.platform.radius).loop
-        faults.append(refusal.reason)
-    given = f"chain.link_lengths_mm = {list(stage.chain.link_lengths)} at {given_angles(stage)}"
-    given += f", chain.link_width_mm = {width:g}, platform.radius_mm = {stage.platform.radius:g}"
-    bodies = [
-        Body(
-            name,
-            tuple(loop),
-            holes=(tuple(reverse(disc(0j, stage.platform.hub_radius).loop)),)
-            if name == "platform"
-            else (),
-            clamped=(0,) if name.startswith("pad") else (),
-            width=None if name == "platform" else width,
-            key=next((fault for fault in faults if name in fault), f"{given}, {name}"),
-        )
-        for name, loop in drawn.items()
-    ]
-    joints = list[Joint]()
-    frames = stage_frames(stage)
-    for chain, k in product(range(3), range(3)):
-        name = HINGE_NAMES[k]
-        hinge = stage.hinge(chain + 1, HINGE_NAMES[k])
-        joined = 3 * chain + k, 3 * chain + k + 1 if k < 2 else len(bodies) - 1
-        place = complex(*frames.centres[chain, k])
-        heading = float(frames.axes[chain, k])
-        key = key_of(stage, chain + 1, name, "radius_mm").removesuffix(".radius_mm")
-        profile = Circular(hinge.neck, hinge.radius)
-        joints.append(
-            Joint(f"{name} hinge of chain {chain + 1}", joined, place, heading, profile, 0.0, key)
-        )
-    return Layout(
-        bodies=tuple(bodies),
-        joints=tuple(joints),
-        points=(("output", Patch(len(bodies) - 1, 0j)),),
-        **stage.plane_problem,
-    )
-
-
-def _platform_outline(stage: StageContent) -> list[Segment]:
-    """Outline of the platform: lugs and rims. Raises BadInput when it cannot be drawn."""
-    cut_angle(stage)  # refuses lugs that leave no rim
-    lugs = [[turn(lug_side(stage, chain, side), chain) for side in (1, -1)] for chain in CHAINS]
-    outline = list[Segment]()
-    for (left, right), (following, _) in zip(lugs, [*lugs[1:], lugs[0]], strict=True):
-        face = Segment(left[0].start, right[0].start)
-        rim = Segment(right[-1].end, following[-1].end, 0j)
-        outline += [*reverse(left), face, *right, rim]
-    return outline
-
-
-@once
 def body_moments(stage: StageContent) -> AnyArray:
-    """Area moments (3 chains, 4 bodies, 3), complex, of pad, links and platform sector, frame of
-    the stage.
+    """Area moments (3 chains, 4 bodies, 3), complex, of pad, links and platform sector.
+
+    They are in the frame of the stage.
     """
     sectors = [draw_sector(stage, chain).values() for chain in CHAINS]
     moments = np.array([[area_moments(face.loop)[:3] for face in sector] for sector in sectors])
@@ -384,11 +327,11 @@ def carried(stage: StageContent, payload: Payload) -> Array:
 
 
 def carried_out_of_plane(stage: StageContent, payload: Payload) -> Array:
-    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload for z and the rotations about x and
-    y.
+    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload for z and the tilts about x and y.
 
-    The moment of inertia of a disc of radius r and thickness b about a diameter is `m (r^2 / 4 +
-    b^2 / 12)`."""
+    The moment of inertia of a disc of radius r and thickness b about a diameter is
+    `m (r^2 / 4 + b^2 / 12)`.
+    """
     mass, _, second = np.diag(inertia_of(hub_moments(stage), mass_per_area(stage)))
     tilting = second / 2 + mass * stage.thickness**2 / 12 + payload.tilting
     return np.diag([mass + payload.mass, tilting, tilting])

@@ -17,7 +17,6 @@ from flexfem.mechanism.keys import Key
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.unfinished import Unfinished
 from flexfem.paper.actuators import Actuator
-from flexfem.paper.bodies import stage_layout
 from flexfem.paper.designs import Elastic, lower
 from flexfem.paper.drawing import stage_callouts, stage_facts, stage_spans, with_mounting_holes
 from flexfem.paper.drives import drive_of
@@ -26,6 +25,7 @@ from flexfem.paper.stage_file import CHAINS as CHAINS
 from flexfem.paper.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.paper.stage_file import Hinge as Hinge
 from flexfem.paper.stage_file import StageContent, actuators_of, hinges_of, of_drive, of_heat
+from flexfem.paper.stage_layout import stage_layout
 
 # module in `flexfem.paper` by question
 ANSWERS: dict[str, str] = {

@@ -12,8 +12,8 @@ import shapely
 
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.plate import clashes, plate_polygon
-from flexfem.paper.bodies import stage_layout
 from flexfem.paper.stage import Stage
+from flexfem.paper.stage_layout import stage_layout
 from flexfem.refused import BadInput
 
 
