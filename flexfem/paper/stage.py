@@ -31,6 +31,7 @@ from flexfem.paper.stage_layout import stage_layout
 ANSWERS: dict[str, str] = {
     "accepted_questions": "baseline",
     "check": "check",
+    "converge": "convergence",
     "as_built": "as_built",
     "design_kind": "design",
     "drift": "drift",

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from flexfem.paper import convergence
 from flexfem.paper.stage import load_stage
-from flexfem.questions import convergence
 from flexfem.questions.bands import grid_convergence, levels, mesh_band, stress_bands
 from flexfem.questions.convergence import converge
 
@@ -119,7 +119,7 @@ def solved(_, resolution):
 
 
 def test_each_direction_has_its_own_values_order_limit_and_band(monkeypatch):
-    monkeypatch.setattr(convergence.plates, "solved", solved)
+    monkeypatch.setattr(convergence, "solved", solved)
     made = converge(load_stage(PATH), resolutions=[4, 6, 8])
     expected = LIMIT * (1 + RATE * np.array([[4.0], [6], [8]]) ** -ORDER)
     np.testing.assert_allclose(made.along, expected, rtol=1e-12)
