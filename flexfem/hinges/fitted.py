@@ -19,6 +19,7 @@ OVERSAMPLED = 1.6  # points per coefficient
 CHECKED = 12  # points that a fit has not seen
 MOST_POINTS = 1200
 STALLED = 0.5  # ratio of two errors above which a higher degree does not help: round-off is left
+MOST_OF_CORNERS = 6  # variables
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)  # bases of the points of J. H. Halton (1960)
 
 
@@ -47,25 +48,21 @@ class SmoothFit(NamedTuple):
         return _scaled(points, self.low, self.high)
 
 
-def chebyshev_points(variables: int, start: int, count: int) -> Array:
-    """Return points (count, variables) of [0, 1], dense at the ends, in a sequence that goes on.
+def chebyshev_points(variables: int, count: int) -> Array:
+    """Return points (count, variables) of [0, 1], dense at the ends; more begin with the same ones.
 
-    The first ones are the corners, up to six variables.
+    The first ones are the corners, of few variables.
     """
-    corners = np.array(list(product((0.0, 1.0), repeat=variables if variables <= 6 else 0)))
-    corners = corners.reshape(-1, variables)
-    index = np.arange(start, start + count) - len(corners)
-    halton = np.column_stack([_radical_inverse(index, PRIMES[k % 10]) for k in range(variables)])
-    found = (1 - np.cos(np.pi * halton)) / 2
-    early = index < 0
-    found[early] = corners[np.flatnonzero(early) + start]
-    return np.asarray(found)
+    ends = product((0.0, 1.0), repeat=variables if variables <= MOST_OF_CORNERS else 0)
+    corners = np.array(list(ends)).reshape(-1, variables)
+    halton = np.column_stack([_radical_inverse(count, base) for base in PRIMES[:variables]])
+    return np.concatenate([corners, (1 - np.cos(np.pi * halton)) / 2])[:count]
 
 
-def _radical_inverse(index: AnyArray, base: int) -> Array:
-    """Return the van der Corput sequence (n,) in a base at indices (n,)."""
-    left = np.maximum(index, 0) + 1
-    found = np.zeros(len(index))
+def _radical_inverse(count: int, base: int) -> Array:
+    """Return the sequence (count,) of J. G. van der Corput in a base."""
+    left = np.arange(1, count + 1)
+    found = np.zeros(count)
     share = 1.0
     while np.any(left):
         share /= base
@@ -75,18 +72,20 @@ def _radical_inverse(index: AnyArray, base: int) -> Array:
 
 
 def fitted(
-    points_of: Callable[[int, int], Array],
+    points_of: Callable[[int], Array],
     function: Callable[[Array], Array],
     accuracy: float,
     coarsest: float,
 ) -> SmoothFit | None:
     """Return the fit of a function to an accuracy, relative; None where it is worse than `coarsest`.
 
-    points_of : returns k variables (count, k) of the points from a start on, a count of them; some
-    may be left out.
+    points_of : returns k variables (m, k) of a number of points, perhaps without some of them. More
+    points begin with the same ones.
     function : returns values (f,) of variables (k,).
     """
-    variables = points_of(0, 1).shape[1]
+    variables = points_of(1).shape[1]
+    if variables > len(PRIMES):
+        return None
     values = list[Array]()
     before = np.inf
     best: SmoothFit | None = None
@@ -95,7 +94,7 @@ def fitted(
         count = int(np.ceil(OVERSAMPLED * len(degrees)))
         if count + CHECKED > MOST_POINTS:
             break
-        points = points_of(0, count + CHECKED)
+        points = points_of(count + CHECKED)
         if len(points) - CHECKED < len(degrees):
             break
         values += [function(point) for point in points[len(values) :]]
