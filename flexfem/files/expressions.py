@@ -19,6 +19,7 @@ from flexfem.units import without_unit
 
 MOST_PARAMETERS = 300
 LONGEST_NAME = 60  # characters, as of all words in files
+LARGEST = 1e300  # absolute value of a parameter
 LONGEST = 400  # characters of an expression, which also limits the depth of nesting
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
@@ -171,8 +172,9 @@ def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
 
 
 def require_names(text: str, known: Mapping[str, Any], *at: str) -> tuple[str, ...]:
-    """Return the names in an expression. Refuses, at a key path, other text and names that are not
-    known.
+    """Return the names in an expression.
+
+    Refuses, at a key path, other text and names that are not known.
     """
     try:
         names = names_in(text)
@@ -180,61 +182,63 @@ def require_names(text: str, known: Mapping[str, Any], *at: str) -> tuple[str, .
         raise refusal(f"an expression: {error}", *at) from None
     for name in names:
         if name not in known:
-            raise refusal(
-                "names of parameters, not "
-                f"{shown(name)}{nearest(name, known) or '; there are none'}",
-                *at,
-            )
+            near = nearest(name, known) or "; there are none"
+            raise refusal(f"names of parameters, not {shown(name)}{near}", *at)
     return names
 
 
 def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
-    """Return the values of parameters, in file units, by their names without units; each may use
-    all others.
+    """Return the values of parameters, in file units, by their names without units.
 
-    Refuses, at its key path, what is no number, an unknown name, a cycle, or a value that is not
-    finite."""
-    keys = dict[str, str]()
+    Each may use all others. Refuses, at its key path, what is no number, an unknown name, a cycle,
+    or a value that is not finite.
+    """
+    keys = _parameter_names(stated)
+    given = {name: getattr(stated[key], "text", stated[key]) for name, key in keys.items()}
     values = dict[str, float]()
+    for name in _order(given, keys):
+        value = given[name]
+        if isinstance(value, str):
+            value = float(value_of(value, values))
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not abs(value) < LARGEST:
+            expected = "a finite number, or an expression that has one"
+            raise refusal(expected, "parameters", keys[name])
+        values[name] = float(value)
+    return values
+
+
+def _parameter_names(stated: Mapping[str, Any]) -> dict[str, str]:
+    """Return the keys of parameters by their names without units. Refuses keys that are no names."""
     if len(stated) > MOST_PARAMETERS:
         raise refusal(f"at most {MOST_PARAMETERS} parameters, not {len(stated)}", "parameters")
+    keys = dict[str, str]()
     for key in stated:
         if not isinstance(key, str):
             raise refusal("names of parameters in quotes", "parameters")
         name = without_unit(key)
         if name in keys:
-            raise refusal(
-                f"a name that differs from {keys[name]} also without its unit", "parameters", key
-            )
+            expected = f"a name that differs from {keys[name]} also without its unit"
+            raise refusal(expected, "parameters", key)
         if not (key.isidentifier() and key.isascii()) or len(key) > LONGEST_NAME:
-            raise refusal(
-                f"a name of at most {LONGEST_NAME} letters, digits and _, a letter first",
-                "parameters",
-                key,
-            )
+            expected = f"a name of at most {LONGEST_NAME} letters, digits and _, a letter first"
+            raise refusal(expected, "parameters", key)
         keys[name] = key
-    given: dict[str, Any] = {
-        name: getattr(stated[key], "text", stated[key]) for name, key in keys.items()
-    }
-    texts = {name: text for name, text in given.items() if isinstance(text, str)}
-    uses = {
-        name: require_names(text, keys, "parameters", keys[name]) for name, text in texts.items()
-    }
+    return keys
+
+
+def _order(given: Mapping[str, Any], keys: Mapping[str, str]) -> list[str]:
+    """Return the names of parameters, each after those that it uses. Refuses a cycle."""
+    uses = dict[str, tuple[str, ...]]()
+    for name, value in given.items():
+        text = value if isinstance(value, str) else None
+        uses[name] = () if text is None else require_names(text, keys, "parameters", keys[name])
     try:
-        order = [*TopologicalSorter({name: uses.get(name, ()) for name in keys}).static_order()]
+        return [*TopologicalSorter(uses).static_order()]
     except CycleError as error:
-        first = min(error.args[1], key=[*keys].index)
         cycle = error.args[1][:0:-1]  # every name uses the next one
+        first = min(cycle, key=[*keys].index)
         start = cycle.index(first)
         said = " = ".join([*cycle[start:], *cycle[: start + 1]])
-        raise refusal(
-            f"a value that does not depend on itself: {said}", "parameters", keys[first]
-        ) from None
-    for name in order:
-        value = float(value_of(texts[name], values)) if name in texts else given[name]
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
-            raise refusal(
-                "a finite number, or an expression that has one", "parameters", keys[name]
-            )
-        values[name] = float(value)
-    return values
+        expected = f"a value that does not depend on itself: {said}"
+        raise refusal(expected, "parameters", keys[first]) from None

@@ -104,37 +104,46 @@ class Designs:
 @once
 def lower(stage: StageContent) -> Designs:
     """Return one stage as n = 1 designs with read-only arrays."""
-    material = stage.material
     hinges = hinges_of(stage)
-    owners = {
-        "thickness": stage,
-        **dict.fromkeys(
-            ("youngs_modulus", "poissons_ratio", "yield_strength", "density"), material
-        ),
-        **dict.fromkeys(("link_width", "link_lengths", "joint_angles"), stage.chain),
-    }
-    values = {name: getattr(owner, name) for name, owner in owners.items()}
-    values |= {
-        name: [[getattr(hinge, name) for hinge in row] for row in hinges]
-        for name in ("radius", "neck", "axis")
-    }
-    values |= {"platform_radius": stage.platform.radius, "hub_radius": stage.platform.hub_radius}
-    values["expansion"] = material.expansion, stage.frame.expansion
-    values["fatigue"] = (
-        material.fatigue_strength_coefficient,
-        material.fatigue_strength_exponent,
-        material.walker,
-    )
+    values = {"thickness": stage.thickness, **_of_material(stage), **_of_bodies(stage)}
+    for name in ("radius", "neck", "axis"):
+        values[name] = [[getattr(hinge, name) for hinge in row] for row in hinges]
     numbers = [[actuator.numbers for actuator in row] for row in actuators_of(stage)]
     values["actuator"] = np.reshape(numbers, (len(CHAINS), -1, len(ActuatorNumbers._fields)))
-    arrays = {
-        name: np.array([value], dtype=float) for name, value in values.items()
-    }  # nan for None
+    arrays = {name: np.array([value], dtype=float) for name, value in values.items()}
     prismatic = np.array([[hinge.prismatic for hinge in row] for row in hinges])
     designs = Designs(stage.model, prismatic, **arrays)
     for array in (prismatic, *arrays.values(), *designs.frames):
         array.setflags(write=False)
     return designs
+
+
+def _of_material(stage: StageContent) -> dict[str, Any]:
+    """Return the numbers of the material and of the frame; None for those that are not stated."""
+    material = stage.material
+    return {
+        "youngs_modulus": material.youngs_modulus,
+        "poissons_ratio": material.poissons_ratio,
+        "yield_strength": material.yield_strength,
+        "density": material.density,
+        "expansion": (material.expansion, stage.frame.expansion),
+        "fatigue": (
+            material.fatigue_strength_coefficient,
+            material.fatigue_strength_exponent,
+            material.walker,
+        ),
+    }
+
+
+def _of_bodies(stage: StageContent) -> dict[str, Any]:
+    """Return the dimensions of links and platform."""
+    return {
+        "link_width": stage.chain.link_width,
+        "link_lengths": stage.chain.link_lengths,
+        "joint_angles": stage.chain.joint_angles,
+        "platform_radius": stage.platform.radius,
+        "hub_radius": stage.platform.hub_radius,
+    }
 
 
 def stage_frames(stage: StageContent) -> Frames:
@@ -144,24 +153,19 @@ def stage_frames(stage: StageContent) -> Frames:
 
 
 def envelope(designs: Designs) -> Array:
-    """Diameter (n,), mm, of the circle about the platform centre that encloses platform, hinges and
-    pads.
+    """Diameter (n,), mm, of the circle about the platform centre around platform, hinges and pads.
 
     Each notch counts as a box 2R long and as wide as the link, and the pad of a base hinge is as
     long as it is wide. Only the outer edge of a link's bend can lie outside the circle, if no hinge
-    lies farther out."""
+    lies farther out.
+    """
     centres, axes = designs.frames
     along = direction(axes)
-    across = (
-        np.stack([-along[..., 1], along[..., 0]], axis=-1)
-        * 0.5
-        * designs.link_width[:, None, None, None]
-    )
+    left = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    across = left * 0.5 * designs.link_width[:, None, None, None]
     back = designs.radius.copy()
     back[:, :, 0] += designs.link_width[:, None]
     ends = (centres + designs.radius[..., None] * along, centres - back[..., None] * along)
-    corners = [end + side * across for end in ends for side in (1.0, -1.0)]
-    farthest = np.max(
-        [np.hypot(corner[..., 0], corner[..., 1]) for corner in corners], axis=(0, 2, 3)
-    )
+    corners = np.array([end + side * across for end in ends for side in (1.0, -1.0)])
+    farthest = np.max(np.hypot(corners[..., 0], corners[..., 1]), axis=(0, 2, 3))
     return np.asarray(2.0 * np.maximum(farthest, designs.platform_radius))

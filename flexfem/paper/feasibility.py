@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import combinations, combinations_with_replacement, product
 from typing import NamedTuple
 
@@ -55,54 +56,73 @@ class Condition(NamedTuple):
 
 def conditions(designs: Designs) -> list[Condition]:
     """Evaluate all conditions of n designs, in the order in which a single stage is checked."""
+    return [
+        *_of_notches(designs),
+        _of_hub(designs),
+        *_of_platform(designs),
+        *_of_pairs(designs),
+    ]
+
+
+def _of_notches(designs: Designs) -> Iterator[Condition]:
+    """Necks and notches must fit into the link."""
     radius = designs.radius
     neck = designs.neck
-    disc = designs.platform_radius[:, None]
-    centres = designs.frames.centres
     width = designs.link_width[:, None, None]
-    x = centres[..., 0]
-    y = centres[..., 1]
-    depth_margin = (width - neck) / 2 * (1 + _ROUND_OFF) - radius
-    disc_margin = np.hypot(x, y) - (disc[..., None] + radius + neck / 2)
-    radii = radius[..., *_FIRST] + radius[..., *_SECOND]
-    gap = np.hypot(x[..., *_FIRST] - x[..., *_SECOND], y[..., *_FIRST] - y[..., *_SECOND]) - radii
-    hub = designs.hub_radius[:, None]
-    discs = np.repeat(disc, 3, axis=1)
-    checks = list[Condition]()
+    depth_room = (width - neck) / 2 * (1 + _ROUND_OFF) - radius
     for k, name in enumerate(HINGE_NAMES):
-        key = f"hinges.{name}.neck_mm"
-        wrong = "neck as wide as the link"
-        limit = "< chain.link_width_mm = {:g}"
-        checks.append(Condition(key, wrong, limit, neck[..., k], (width - neck)[..., k]))
-        key = f"hinges.{name}.radius_mm"
-        wrong = "notch deeper than the link"
-        limit = "<= (chain.link_width_mm - neck_mm)/2 = {:g}"
-        checks.append(Condition(key, wrong, limit, radius[..., k], depth_margin[..., k]))
+        yield Condition(
+            f"hinges.{name}.neck_mm",
+            "neck as wide as the link",
+            "< chain.link_width_mm = {:g}",
+            neck[..., k],
+            (width - neck)[..., k],
+        )
+        yield Condition(
+            f"hinges.{name}.radius_mm",
+            "notch deeper than the link",
+            "<= (chain.link_width_mm - neck_mm)/2 = {:g}",
+            radius[..., k],
+            depth_room[..., k],
+        )
+
+
+def _of_hub(designs: Designs) -> Condition:
+    """The hub must fit into the platform."""
+    hub = designs.hub_radius[:, None]
+    room = designs.platform_radius[:, None] - hub
     wrong = "hub larger than the platform"
-    limit = "< platform.radius_mm = {:g}"
-    checks.append(Condition("platform.hub_radius_mm", wrong, limit, hub, disc - hub))
+    return Condition("platform.hub_radius_mm", wrong, "< platform.radius_mm = {:g}", hub, room)
+
+
+def _of_platform(designs: Designs) -> Iterator[Condition]:
+    """The platform must not cover a hinge."""
+    disc = designs.platform_radius[:, None]
+    x, y = np.moveaxis(designs.frames.centres, -1, 0)
+    room = np.hypot(x, y) - (disc[..., None] + designs.radius + designs.neck / 2)
+    discs = np.repeat(disc, 3, axis=1)
     for k, name in enumerate(HINGE_NAMES):
         wrong = f"the platform covers the {name} hinge"
         limit = "< {:g} (distance of the hinge from the platform centre minus its notch)"
-        checks.append(Condition("platform.radius_mm", wrong, limit, discs, disc_margin[..., k]))
+        yield Condition("platform.radius_mm", wrong, limit, discs, room[..., k])
+
+
+def _of_pairs(designs: Designs) -> Iterator[Condition]:
+    """Two hinges must be farther apart than their radii."""
+    x, y = np.moveaxis(designs.frames.centres, -1, 0)
+    radii = designs.radius[..., *_FIRST] + designs.radius[..., *_SECOND]
+    apart = np.hypot(x[..., *_FIRST] - x[..., *_SECOND], y[..., *_FIRST] - y[..., *_SECOND])
+    room = apart - radii
     for i, j in combinations_with_replacement(range(len(HINGE_NAMES)), 2):
         pairs = tuple(k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {i, j})
-        wrong = (
-            f"{' and '.join(dict.fromkeys((HINGE_NAMES[i], HINGE_NAMES[j])))} hinges closer than "
-            "their radii"
-        )
-        checks.append(
-            Condition(
-                "chain.link_lengths_mm", wrong, "> {:g}", radii[:, pairs], gap[:, pairs], pairs
-            )
-        )
-    return checks
+        names = " and ".join(dict.fromkeys((HINGE_NAMES[i], HINGE_NAMES[j])))
+        wrong = f"{names} hinges closer than their radii"
+        values = radii[:, pairs]
+        yield Condition("chain.link_lengths_mm", wrong, "> {:g}", values, room[:, pairs], pairs)
 
 
 def check_closed_form(stage: StageContent) -> None:
-    """Raise BadInput for a stage that violates one of `conditions`; unlike `check_feasible`, draw
-    no outlines.
-    """
+    """Raise BadInput for a stage that violates one of `conditions`; no outlines are drawn."""
     if isinstance(stage, Mechanism) and not isinstance(stage, StageContent):
         raise BadInput(
             f"{stage.origin}: this is for the nine-hinge stage of a stage file, not for a mechanism"
@@ -119,36 +139,33 @@ def check_closed_form(stage: StageContent) -> None:
 def _check_conditions(stage: StageContent) -> None:
     for check in conditions(lower(stage)):
         for place in np.flatnonzero(~(check.room[0] > 0)).tolist():
-            value = check.value[0, place]
-            limit = check.value[0, place] + check.room[0, place]
-            if check.pairs:
-                pair = PAIRS[check.pairs[place]]
-                names = " and ".join(
-                    f"{HINGE_NAMES[position]} hinge of chain {chain + 1}"
-                    for chain, position in pair
-                )
-                reason = (
-                    f"{check.wrong}: {names} are {limit:.4g} mm apart, expected "
-                    f"{check.expected.format(value)}"
-                )
-                raise BadInput(f"{check.key} = {list(stage.chain.link_lengths)}, {reason}")
-            table, *hinge, key = check.key.split(".")
-            path = key_of(stage, place + 1, hinge[0], key) if hinge else check.key
-            chain = (
-                f" of chain {place + 1}" if table == "platform" and len(check.room[0]) > 1 else ""
-            )
-            if (
-                key == "radius_mm" and not hinge and limit <= stage.platform.hub_radius
-            ):  # no radius is small enough
-                given = (
-                    f"chain.link_lengths_mm = {list(stage.chain.link_lengths)} at "
-                    f"{given_angles(stage)}"
-                )
-                farther = f"this hinge {value - limit:.4g} mm farther from the platform centre"
-                raise BadInput(
-                    f"{given}, {check.wrong}{chain} with platform.radius_mm = {value:g}, expected "
-                    f"{farther}"
-                )
-            raise BadInput(
-                f"{path} = {value:g}, {check.wrong}{chain}, expected {check.expected.format(limit)}"
-            )
+            raise BadInput(_reason(stage, check, place))
+
+
+def _reason(stage: StageContent, check: Condition, place: int) -> str:
+    """Return the reason why a stage violates a condition at a place."""
+    value = check.value[0, place]
+    limit = value + check.room[0, place]
+    lengths = f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}"
+    if check.pairs:
+        names = " and ".join(
+            f"{HINGE_NAMES[position]} hinge of chain {chain + 1}"
+            for chain, position in PAIRS[check.pairs[place]]
+        )
+        apart = f"{names} are {limit:.4g} mm apart, expected {check.expected.format(value)}"
+        return f"{lengths}, {check.wrong}: {apart}"
+    expected = f"expected {check.expected.format(limit)}"
+    table, *hinge, key = check.key.split(".")
+    if hinge:
+        path = key_of(stage, place + 1, hinge[0], key)
+        return f"{path} = {value:g}, {check.wrong}, {expected}"
+    wrong = check.wrong
+    if table == "platform" and len(check.room[0]) > 1:
+        wrong = f"{wrong} of chain {place + 1}"
+    if key == "radius_mm" and limit <= stage.platform.hub_radius:  # no radius is small enough
+        farther = f"this hinge {value - limit:.4g} mm farther from the platform centre"
+        return (
+            f"{lengths} at {given_angles(stage)}, {wrong} with platform.radius_mm = {value:g}, "
+            f"expected {farther}"
+        )
+    return f"{check.key} = {value:g}, {wrong}, {expected}"
