@@ -1,6 +1,4 @@
-"""Contact of parts of a mechanism of beams that moves: bodies move as rigid bodies, hinges bend
-with their beams.
-"""
+"""Contact of parts of a mechanism of beams that moves: rigid bodies, and hinges that bend."""
 
 from __future__ import annotations
 
@@ -10,7 +8,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from flexfem.analytic.finite import BEAMS, FinitePlate
+from flexfem.analytic.finite import FinitePlate
 from flexfem.analytic.plates import moving_bodies
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.gaps import (
@@ -76,35 +74,21 @@ class Clearance:
         return shapely.transform(self.bodies[body], moved)
 
     def _hinge(self, number: int, q: Array, shares: Array) -> Any:
-        """Return the polygon of a bent hinge: its nodes are joined by cubic curves, its sections
-        turn with them.
-        """
+        """Return the polygon of a bent hinge at shares of its length, whose sections turn with it."""
         joint = self.layout.joints[number]
         x = shares * joint.profile.length
         breaks = np.array(joint.profile.breaks)
         x = np.union1d(x, breaks[(breaks > x[0]) & (breaks < x[-1])])
         place, turn = self.nodes(q)
-        ends = self.marks[number]
-        beam = np.clip(np.searchsorted(ends, x, side="right") - 1, 0, BEAMS - 1)
-        length = np.diff(ends)[beam]
-        share = (x - ends[beam]) / length
-        heading = np.exp(1j * (joint.heading + turn[number]))
-        start = place[number][beam]
-        end = place[number][beam + 1]
-        out = heading[beam] * length
-        into = heading[beam + 1] * length
-        rise = share**2 * (3 - 2 * share)
-        centre = start + (end - start) * rise
-        centre += out * share * (1 - share) ** 2 - into * share**2 * (1 - share)
-        across = np.interp(x, ends, turn[number]) + joint.heading + np.pi / 2
+        heading = joint.heading + turn[number]
+        centre = _bent(self.marks[number], place[number], heading, x)
+        across = np.interp(x, self.marks[number], turn[number]) + joint.heading + np.pi / 2
         upper = np.exp(1j * across) * joint.profile.height(x) / 2
         z = np.concatenate([centre + upper, (centre - upper)[::-1]])
         return shapely.Polygon(np.column_stack([z.real, z.imag]))
 
     def nodes(self, q: Array) -> tuple[AnyArray, Array]:
-        """Return the places (h, beams + 1), mm, complex, and the rotations, rad, of the nodes of
-        the hinges.
-        """
+        """Return places (h, beams + 1), mm, complex, and rotations, rad, of nodes of the hinges."""
         at = self.plate.nodes
         full = np.append(q, np.zeros(3))
         turn = full[at.column + 2]
@@ -117,23 +101,19 @@ class Clearance:
         boxes = shapely.bounds(self.rest)
         for body, at in self.column.items():
             corners = boxes[body][[0, 2, 0, 2]] + 1j * boxes[body][[1, 1, 3, 3]]
-            swing = np.abs(corners - self.plate.nodes.centre[at // 3]).max() * abs(
-                np.exp(1j * q[at + 2]) - 1
-            )
+            arm = np.abs(corners - self.plate.nodes.centre[at // 3]).max()
+            swing = arm * abs(np.exp(1j * q[at + 2]) - 1)
             found[body] = abs(q[at] + 1j * q[at + 1]) + swing
         place, turn = self.nodes(q)
         still, _ = self.nodes(np.zeros(len(q)))
-        furthest = np.abs(place - still).max(axis=1) + self.high * np.minimum(
-            1.0, np.abs(turn).max(axis=1)
-        )
-        found[len(self.bodies) :] = np.tile(
-            2 * furthest, 2
-        )  # a curve between nodes goes beyond them
+        of_sections = self.high * np.minimum(1.0, np.abs(turn).max(axis=1))
+        furthest = np.abs(place - still).max(axis=1) + of_sections
+        # a curve between nodes goes beyond them
+        found[len(self.bodies) :] = np.tile(2 * furthest, 2)
         return found
 
     def smallest(self, q: Array, closed: float = CLOSED) -> tuple[float, Gap | None]:
-        """Return the least gap, per gap at rest, of the pairs at unknowns q (size,), and this gap;
-        1 without one.
+        """Return the least gap at unknowns q (size,), per gap at rest, and this gap; 1 without one.
 
         closed : the pairs are those of which displacements could close this share of the gap.
         """
@@ -156,8 +136,9 @@ class Clearance:
         return gap_between(parts, self.polygon(one, q), self.polygon(other, q))
 
     def _near(self, bound: Array) -> Iterable[tuple[int, int]]:
-        """Yield the pairs of parts, apart at rest, whose displacements of at most `bound` (parts,)
-        close their gap.
+        """Yield the pairs, apart at rest, whose displacements of at most a bound close their gap.
+
+        bound : (parts,), mm.
         """
         for number in np.flatnonzero(self.least <= bound[self.one] + bound[self.other]):
             pair = int(self.one[number]), int(self.other[number])
@@ -167,8 +148,9 @@ class Clearance:
                 yield pair
 
     def share_to_contact(self, before: Array, after: Array) -> float | None:
-        """Return the share of the way between two positions q (size,) at which parts touch; None if
-        they do not.
+        """Return the share of the way between two positions q (size,) at which parts touch.
+
+        It is None if they do not.
 
         The way is divided into steps that are not longer than the thinnest hinge, so that no part
         passes through another unseen."""
@@ -185,3 +167,21 @@ class Clearance:
         names = names_of_parts(self.layout)
         one, other = (names[part] for part in gap.parts)
         return f"{one!r} and {other!r} at ({gap.place.real:.4g}, {gap.place.imag:.4g}) mm"
+
+
+def _bent(marks: Array, places: AnyArray, headings: Array, x: Array) -> AnyArray:
+    """Return points (m,), complex, mm, of cubic curves through the nodes of a bent hinge.
+
+    marks : (n,), mm, positions of the nodes on the axis at rest.   places, headings : (n,), complex,
+    mm, and rad, of the nodes.   x : (m,), positions of the points at rest.
+    """
+    beam = np.clip(np.searchsorted(marks, x, side="right") - 1, 0, len(marks) - 2)
+    length = np.diff(marks)[beam]
+    share = (x - marks[beam]) / length
+    start = places[beam]
+    end = places[beam + 1]
+    out = np.exp(1j * headings)[beam] * length
+    into = np.exp(1j * headings)[beam + 1] * length
+    points = start + (end - start) * (share**2 * (3 - 2 * share))
+    points += out * share * (1 - share) ** 2 - into * share**2 * (1 - share)
+    return np.asarray(points)

@@ -34,8 +34,9 @@ STILL = 1e-13  # relative to the largest compliance of a mode; smaller ones are 
 
 
 class Network(NamedTuple):
-    """Mechanisms of one topology, leading axes (...) designs; twists and wrenches x, y, theta at
-    the global origin.
+    """Mechanisms of one topology; leading axes (...) are designs.
+
+    Twists and wrenches x, y, theta are at the global origin.
 
     bodies : number of moving bodies.   output : the body whose stiffness is computed.
     joints : near and far body of each of the m joints; `GROUND` for the ground.
@@ -57,8 +58,10 @@ class Network(NamedTuple):
 
 
 class InternalMotions(NamedTuple):
-    """Motions of elastic bodies under k loads while the joints carry no wrench: openings (..., m,
-    3, k) of the joints, and displacements (..., k, k) conjugate to the loads."""
+    """Motions of elastic bodies under k loads while the joints carry no wrench.
+
+    openings : (..., m, 3, k), of the joints.   motions : (..., k, k), conjugate to the loads.
+    """
 
     openings: Array
     motions: Array
@@ -83,9 +86,7 @@ class Topology(NamedTuple):
 
 
 class OutputStiffness(NamedTuple):
-    """Stiffness `matrix` (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in the joints per
-    twist of it.
-    """
+    """Stiffness (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in joints per twist of it."""
 
     matrix: Array
     wrenches: Array
@@ -113,52 +114,91 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
     for joint, ends in enumerate(joints):
         for body in ends:
             joints_at[body].append(joint)
-    kept = (
-        output,
-        *(body for body in range(bodies) if body != output and len(joints_at[body]) != 2),
-    )
+    branching = [body for body in range(bodies) if body != output and len(joints_at[body]) != 2]
+    kept = (output, *branching)
     kept_loads = np.zeros((len(kept), bodies))
-    joint_loads = np.zeros((len(joints), bodies))
     kept_loads[range(len(kept)), kept] = 1.0
-    paths = list[tuple[int, ...]]()
-    signs = list[Array]()
-    incidence = list[Array]()
-    reached = {*kept}
+    joint_loads = np.zeros((len(joints), bodies))
+    paths = _paths(kept, joints, joints_at)
+    for path in paths:
+        for number, body in enumerate(path.between, start=1):
+            before = list(path.joints[:number])
+            joint_loads[before, body] = path.signs[:number]
+            if path.start != GROUND:
+                kept_loads[kept.index(path.start), body] = 1.0
+    reached = {*kept, *(body for path in paths for body in path.between)}
+    missing = {*range(bodies)} - reached
+    if missing:
+        raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
+    signs = np.zeros((len(paths), len(joints)))
+    incidence = np.zeros((len(paths), len(kept)))
+    for row, path in enumerate(paths):
+        signs[row, list(path.joints)] = path.signs
+        for body, sign in ((path.start, -1.0), (path.end, 1.0)):
+            if body != GROUND:
+                incidence[row, kept.index(body)] += sign
+    G = np.asarray(np.kron(incidence, np.eye(3)), dtype=np.float64)
+    return Topology(kept, tuple(path.joints for path in paths), signs, G, kept_loads, joint_loads)
+
+
+class _Path(NamedTuple):
+    """Joints in series from a kept body or the ground to another one.
+
+    signs : 1 or -1 for each joint, which meets its near or its far body first.
+    between : the bodies between the joints.
+    """
+
+    start: int
+    end: int
+    joints: tuple[int, ...]
+    signs: tuple[float, ...]
+    between: tuple[int, ...]
+
+
+def _paths(
+    kept: tuple[int, ...], joints: tuple[tuple[int, int], ...], joints_at: dict[int, list[int]]
+) -> list[_Path]:
+    """Return the paths from the ground, then from the kept bodies, each path once."""
+    found = list[_Path]()
+    used = set[int]()
     for start in (GROUND, *kept):
         for joint in joints_at[start]:
-            if any(joint in path for path in paths):
-                continue
-            body = start
-            path = list[int]()
-            sign = np.zeros(len(joints))
-            row = np.zeros(len(kept))
-            while True:
-                near, far = joints[joint]
-                path.append(joint)
-                sign[joint], body = (1.0, far) if body == near else (-1.0, near)
-                if body == GROUND or body in kept:
-                    break
-                reached.add(body)
-                joint_loads[path, body] = sign[path]
-                if start != GROUND:
-                    kept_loads[kept.index(start), body] = 1.0
-                joint = next(other for other in joints_at[body] if other != joint)
-            if start != GROUND:
-                row[kept.index(start)] -= 1.0
-            if body != GROUND:
-                row[kept.index(body)] += 1.0
-            paths.append(tuple(path))
-            signs.append(sign)
-            incidence.append(row)
-    if missing := {*range(bodies)} - reached:
-        raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
-    G = np.asarray(np.kron(np.array(incidence), np.eye(3)), dtype=np.float64)
-    return Topology(kept, tuple(paths), np.array(signs), G, kept_loads, joint_loads)
+            if joint not in used:
+                found.append(_path_from(start, joint, kept, joints, joints_at))
+                used.update(found[-1].joints)
+    return found
+
+
+def _path_from(
+    start: int,
+    joint: int,
+    kept: tuple[int, ...],
+    joints: tuple[tuple[int, int], ...],
+    joints_at: dict[int, list[int]],
+) -> _Path:
+    """Return the path that leaves a body by a joint."""
+    on_path = list[int]()
+    signs = list[float]()
+    between = list[int]()
+    body = start
+    while True:
+        near, far = joints[joint]
+        signs.append(1.0 if body == near else -1.0)
+        body = far if body == near else near
+        on_path.append(joint)
+        if body == GROUND or body in kept:
+            return _Path(start, body, tuple(on_path), tuple(signs), tuple(between))
+        between.append(body)
+        joint = next(other for other in joints_at[body] if other != joint)
 
 
 def freedom_motions(places: AnyArray, axes: AnyArray) -> Array:
-    """Return the motions (..., 3, 3) of the origin, x, y, theta, per rotation, axial and shear
-    motion of joints at complex places (...) with complex unit vectors (...) along their axes."""
+    """Return the motions (..., 3, 3) of the origin, x, y, theta, by three motions of joints.
+
+    These are rotation, axial and shear motion.
+
+    places, axes : (...), complex, mm, and unit vectors along the axes.
+    """
     zero = np.zeros(places.shape)
     rotation = np.stack([places.imag, -places.real, zero + 1], axis=-1)
     axial = np.stack([axes.real, axes.imag, zero], axis=-1)
@@ -167,8 +207,9 @@ def freedom_motions(places: AnyArray, axes: AnyArray) -> Array:
 
 
 def ground_motions(places: ArrayLike) -> Array:
-    """Return rigid motions (..., 3, 3 cases) of the origin, x, y, theta, with which the ground at
-    complex places (...) follows a free plate of unit expansion.
+    """Return rigid motions (..., 3, 3 cases) of the origin by which ground follows a free plate.
+
+    places : (...), complex, mm, of the ground. The expansion of the plate is one.
 
     Notes
     -----
@@ -187,8 +228,9 @@ def ground_motions(places: ArrayLike) -> Array:
 def joint_compliance(
     places: Array, axes: Array, rotation: Array, axial: Array, shear: Array
 ) -> Array:
-    """Return the compliance (..., 3, 3) at the origin of joints at `places` (..., 2) with axes at
-    angles (...), rad.
+    """Return the compliance (..., 3, 3) at the origin of joints.
+
+    places : (..., 2), mm.   axes : (...), rad.   rotation, axial, shear : (...), compliances.
 
     Notes
     -----
@@ -223,9 +265,8 @@ def stiffness(mechanism: Network) -> OutputStiffness:
     nan for a design with a path that has no, or nearly no, compliance in some direction.
     """
     graph = topology(*mechanism[:3])
-    if mechanism.coupling is None and np.array_equal(
-        graph.G, np.tile(np.eye(3), (len(graph.paths), 1))
-    ):
+    to_output = np.tile(np.eye(3), (len(graph.paths), 1))
+    if mechanism.coupling is None and np.array_equal(graph.G, to_output):
         # every path leads from the ground to the output: matrices of 3 by 3 suffice, for many
         # designs
         wrenches = inverse(in_series(mechanism))

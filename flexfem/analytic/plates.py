@@ -146,7 +146,7 @@ class _HingeFrames(NamedTuple):
 def _hinge_frames(joints: Sequence[Joint]) -> _HingeFrames:
     origin = complex(np.mean([joint.place for joint in joints]))
     to_all_axes = [to_axes(joint.place - origin, joint.heading) for joint in joints]
-    return _HingeFrames(origin, np.linalg.inv(to_all_axes))
+    return _HingeFrames(origin, np.asarray(np.linalg.inv(to_all_axes), dtype=np.float64))
 
 
 def _contact_wrenches(ports: Sequence[Port], origin: complex, cases: int) -> dict[Patch, Array]:

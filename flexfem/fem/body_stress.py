@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.arrays import AnyArray, Array, Index
+from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.mesh import StageMesh, shape_functions
+from flexfem.fem.mesh import StageMesh, outer_sides, shape_functions
 from flexfem.fem.response import Response
 from flexfem.mechanism.layout import Body, Layout, Patch
 from flexfem.mechanism.plate import mean_width
@@ -28,11 +28,10 @@ NEAR = 0.25
 # distance from a contact, per radius, within which nodes are left out: a load is an idealisation
 # there
 AT_LOAD = 3.0
-SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # nodes of a triangle: start, end and middle of its sides
 
 
 class BodyStress(NamedTuple):
-    """Highest von Mises stress (..., b), MPa, of the moving bodies, and its places (..., b, 2), mm."""
+    """Highest von Mises stress (..., b), MPa, of moving bodies, and its places (..., b, 2), mm."""
 
     highest: Array
     place: Array
@@ -44,27 +43,22 @@ def moving_bodies(layout: Layout) -> list[int]:
 
 
 def sharp_corners(mesh: StageMesh, held: Index) -> Index:
-    """Return the nodes at re-entrant corners of a mesh, without radius, and at the ends of held
-    parts of its edge.
+    """Return the nodes at re-entrant corners of a mesh without radius, and at ends of held edges.
 
     held : nodes that do not move.
     """
-    sides = mesh.triangles[:, SIDES].reshape(-1, 3)
-    ends = np.sort(sides[:, :2], axis=1)
-    _, which, counts = np.unique(ends, axis=0, return_index=True, return_counts=True)
-    start, end, middle = sides[which[counts == 1]].T  # with the plate on the left
+    start, end, middle = outer_sides(mesh.triangles).T
+    corners = np.intersect1d(start, end)
     z = mesh.nodes @ [1, 1j]
     leaving, arriving = np.zeros((2, len(z)), dtype=complex)
     leaving[start] = -3 * z[start] + 4 * z[middle] - z[end]
     arriving[end] = z[start] - 4 * z[middle] + 3 * z[end]
+    turns = np.angle(leaving[corners] * arriving[corners].conjugate())
     is_held = np.isin(np.arange(len(z)), held)
     held_side = is_held[start] & is_held[middle] & is_held[end]
-    sides_held = np.bincount(start, held_side, len(z)) + np.bincount(end, held_side, len(z))
-    corners = np.intersect1d(start, end)
-    turns = np.angle(leaving[corners] * arriving[corners].conjugate())
-    free = sides_held[corners] == 0
-    half_held = sides_held[corners] == 1
-    return np.asarray(corners[(free & (turns < -SHARP)) | half_held])
+    held_sides = np.bincount(start, held_side, len(z)) + np.bincount(end, held_side, len(z))
+    re_entrant = (held_sides[corners] == 0) & (turns < -SHARP)
+    return np.asarray(corners[re_entrant | (held_sides[corners] == 1)])
 
 
 def left_out_within(body: Body) -> float:
@@ -90,8 +84,9 @@ def corners_of_bodies(layout: Layout, mesh: StageMesh, held: Index) -> list[Inde
 
 
 def body_nodes(layout: Layout, mesh: StageMesh, held: Index) -> tuple[Index, ...]:
-    """Return the nodes of every moving body that are not near its sharp corners and loads; at least
-    the farthest one.
+    """Return the nodes of every moving body that are not near its sharp corners and loads.
+
+    There is at least the farthest one.
 
     mesh, held : as of `corners_of_bodies`.
     """
@@ -102,9 +97,8 @@ def body_nodes(layout: Layout, mesh: StageMesh, held: Index) -> tuple[Index, ...
         points = mesh.nodes[nodes]
         centres = [(mesh.nodes[corner], left_out_within(layout.bodies[index])) for corner in sharp]
         for patch in loaded_patches(layout, index):
-            centres.append(
-                (np.array([patch.point.real, patch.point.imag]), AT_LOAD * (patch.radius or 0.0))
-            )
+            place = np.array([patch.point.real, patch.point.imag])
+            centres.append((place, AT_LOAD * (patch.radius or 0.0)))
         away = np.full(len(nodes), np.inf)  # distances from all centres, each per its radius
         for centre, radius in centres:
             if radius:
@@ -123,8 +117,9 @@ def loaded_patches(layout: Layout, body: int) -> list[Patch]:
 
 
 def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
-    """Return the highest stress of every body, at the nodes of `body_nodes`, under loads (..., c),
-    multiples of cases.
+    """Return the highest stress of every body, at the nodes of `body_nodes`, under loads.
+
+    loads : (..., c), multiples of the cases.
 
     The cases are unit loads on the ports. Nodes near loaded points are left out, too. With layers
     it is the highest over the thickness."""
@@ -132,15 +127,13 @@ def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
     places = response.structure.mesh.nodes
     highest = np.zeros((len(flat), len(response.bodies)))
     at = np.zeros((*highest.shape, 2))
-    for number, (nodes, stress) in enumerate(
-        zip(response.bodies, response.body_stresses, strict=True)
-    ):
+    bodies = moving_bodies(layout)
+    pairs = zip(response.bodies, response.body_stresses, strict=True)
+    for number, (nodes, stress) in enumerate(pairs):
+        ratio = response.ratio_of(bodies[number])
         for row, load in enumerate(flat):
-            ratio = response.ratio_of(moving_bodies(layout)[number])
-            values: AnyArray = von_mises(np.tensordot(load, stress, axes=1), ratio).reshape(
-                len(nodes), -1
-            )
-            by_node = values.max(axis=1)
+            values = von_mises(np.tensordot(load, stress, axes=1), ratio)
+            by_node = values.reshape(len(nodes), -1).max(axis=1)
             by_node[~body_loads_apart(layout, places[nodes], number, load)] = 0.0
             worst = int(np.argmax(by_node))
             highest[row, number] = by_node[worst]
@@ -150,8 +143,9 @@ def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
 
 
 def body_loads_apart(layout: Layout, places: Array, number: int, load: Array) -> NDArray[np.bool_]:
-    """Return which places (n, 2), mm, of a moving body are not near points that a load (c,) on the
-    ports loads.
+    """Return which places (n, 2), mm, of a moving body are not near loaded points.
+
+    load : (c,), on the ports.
 
     All of them where no place is left.
     """
@@ -174,8 +168,9 @@ def _loaded_points(layout: Layout, body: int, load: Array) -> list[Patch]:
 
 
 def point_stress(response: Response, layout: Layout, loads: Array) -> Array:
-    """Return the von Mises stress (..., p), MPa, at the points of a layout under loads (..., c),
-    multiples of cases.
+    """Return the von Mises stress (..., p), MPa, at the points of a layout under loads.
+
+    loads : (..., c), multiples of the cases.
 
     It is that of the nearest place of the body of the point; with layers, the highest over the
     thickness. It is nan at the output, where it follows from the idealised load, and on fixed
@@ -201,18 +196,13 @@ def point_stress(response: Response, layout: Layout, loads: Array) -> Array:
 
 
 def _interpolation(places: Array, triangles: Index, point: complex) -> tuple[Index, Array]:
-    """Return the nodes (6,) of the triangle that contains a point, or is nearest to it, and their
-    weights.
-    """
+    """Return the nodes (6,) of the triangle nearest to a point or around it, and their weights."""
     corners = places[triangles[:, :3]] @ [1, 1j]
     a, b, c = corners.T
     area = ((b - a).conjugate() * (c - a)).imag
-    shares = np.array(
-        [
-            ((end - start).conjugate() * (point - start)).imag / area
-            for start, end in ((b, c), (c, a), (a, b))
-        ]
-    )
+    opposite = ((b, c), (c, a), (a, b))
+    areas = [((end - start).conjugate() * (point - start)).imag for start, end in opposite]
+    shares = np.array(areas) / area
     nearest = int(np.argmax(shares.min(axis=0)))
     inside = np.clip(shares[:, nearest], 0.0, None)
     inside = inside / inside.sum()

@@ -210,37 +210,39 @@ def check_format(path: Path) -> None:
 def write_vtu(
     mesh: StageMesh, path: Path, fields: dict[str, Array], heights: Array | None = None
 ) -> None:
-    """Write the mesh with nodal fields (n, ...) as a VTK unstructured grid; 1 marks the nodes of
-    `GROUPS`.
+    """Write a mesh with nodal fields (n, ...) as a VTK grid; 1 marks the nodes of `GROUPS`.
 
     heights : (m,), mm, node heights of layers of 18-node wedges, ends and middles; fields are then
-    (n, m, ...)."""
+    (n, m, ...).
+    """
     import meshio
 
+    count = len(mesh.nodes)
     z = np.zeros(1) if heights is None else heights
-    m = len(z)
-    cells = mesh.triangles
-    bodies = mesh.bodies
-    kind = "triangle6"
-    if heights is not None:
-        corners = m * mesh.triangles[:, :3]
-        middles = m * mesh.triangles[:, 3:]
-        kind = "wedge18"
-        order = ((corners, 0), (corners, 2), (middles, 0), (middles, 2), (corners, 1), (middles, 1))
-        layers = [
-            np.hstack([nodes + k + level for nodes, level in order]) for k in range(0, m - 1, 2)
-        ]
-        cells = np.concatenate(layers)
-        bodies = np.tile(mesh.bodies, len(layers))
-    data = {}
+    kind = "triangle6" if heights is None else "wedge18"
+    cells = mesh.triangles if heights is None else _wedges(mesh.triangles, len(z))
+    bodies = np.tile(mesh.bodies, len(cells) // len(mesh.triangles))
+    data = dict[str, Array]()
     for name, field in fields.items():
-        values = field.reshape(len(mesh.nodes) * m, *field.shape[1 if heights is None else 2 :])
+        values = field.reshape(count * len(z), *field.shape[1 if heights is None else 2 :])
         data[name] = np.pad(values, [(0, 0), (0, 1)]) if values.shape[1:] == (2,) else values
-    for group in (name for name in GROUPS if name in mesh.edges):
-        data[group] = np.repeat(
-            np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float), m
-        )
-    points = np.column_stack([np.repeat(mesh.nodes, m, axis=0), np.tile(z, len(mesh.nodes))])
+    for group in GROUPS:
+        if group in mesh.edges:
+            marked = np.isin(np.arange(count), mesh.edges[group])
+            data[group] = np.repeat(marked.astype(float), len(z))
+    points = np.column_stack([np.repeat(mesh.nodes, len(z), axis=0), np.tile(z, count)])
     grid = meshio.Mesh(points, [(kind, cells)], data, {"body": [bodies]})
     with replacing(path) as temporary:
         meshio.write(temporary, grid, file_format="vtu")
+
+
+def _wedges(triangles: Index, heights: int) -> Index:
+    """Return the nodes (e, 18) of wedges, layer by layer, of triangles at a number of heights."""
+    corners = heights * triangles[:, :3]
+    middles = heights * triangles[:, 3:]
+    order = ((corners, 0), (corners, 2), (middles, 0), (middles, 2), (corners, 1), (middles, 1))
+    layers = [
+        np.hstack([nodes + first + level for nodes, level in order])
+        for first in range(0, heights - 1, 2)
+    ]
+    return np.concatenate(layers)

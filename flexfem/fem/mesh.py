@@ -21,25 +21,24 @@ SOLID_RESOLUTION = 6
 LAYERS = 3  # the same in three dimensions, and layers in half the thickness: within 0.1 %
 MOST_TRIANGLES = 1_000_000
 LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean
-AREA_ERROR = (
-    1e-3  # parabolas for arcs cause up to 1.4e-4, in sectors with two triangles across a neck
-)
-SAME_PLACE = (
-    1e-6  # mm; tolerance of nodes of two sectors on their common cut, and of centres of arcs
-)
+# parabolas for arcs cause up to 1.4e-4, in sectors with two triangles across a neck
+AREA_ERROR = 1e-3
+# mm; tolerance of nodes of two sectors on their common cut, and of centres of arcs
+SAME_PLACE = 1e-6
 SECTORS = 3  # identical ones of a cyclic plate
 SECTOR_TURN = 2.0 * np.pi / SECTORS  # rad, from a sector to the next
 BODIES_OF_SECTOR = 4  # at most, numbered from 0 in each sector
-SIDES = ("left", "right", "bottom", "top")
-NODES = np.array(
-    [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]
-)  # on the reference triangle
+SIDES_OF_TRIANGLE = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # start, end and middle, of its nodes
+SIDES_OF_SQUARE = ("left", "right", "bottom", "top")
+# on the reference triangle
+NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])
 
 
 @cache
 def quadrature(degree: int) -> tuple[Array, Array]:
-    """Points (q, 2) on the reference triangle and positive weights (q,) of a rule exact for
-    polynomials of a degree.
+    """Points (q, 2) on the reference triangle and positive weights (q,) of a quadrature rule.
+
+    It is exact for polynomials of the degree.
     """
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefTri
@@ -59,15 +58,15 @@ def _shape_functions(points: bytes) -> tuple[Array, Array]:
     """As `shape_functions`, for the few sets of points that elements use."""
     from skfem import ElementTriP2
 
-    basis = [
-        ElementTriP2().lbasis(np.frombuffer(points).reshape(-1, 2).T, node) for node in range(6)
-    ]
+    places = np.frombuffer(points).reshape(-1, 2).T
+    basis = [ElementTriP2().lbasis(places, node) for node in range(6)]
     return np.array([value for value, _ in basis]), np.array([slope for _, slope in basis])
 
 
 def gradients(nodes: Array, points: Array) -> tuple[Array, Array]:
-    """Gradients (e, 6 nodes, 2, q), 1/mm, of the shape functions, and Jacobian determinants (e, q),
-    mm^2.
+    """Gradients (e, 6 nodes, 2, q), 1/mm, of shape functions, and determinants (e, q), mm^2.
+
+    The determinants are those of the Jacobian.
 
     nodes : (e, 6, 2), mm, of the triangles.   points : (q, 2), on the reference triangle.
     """
@@ -75,24 +74,20 @@ def gradients(nodes: Array, points: Array) -> tuple[Array, Array]:
     (xa, xb), (ya, yb) = _jacobian(nodes, slope)
     determinant = xa * yb - xb * ya
     gradient = np.empty((len(nodes), 6, 2, len(points)))
-    for axis, (a, b) in enumerate(
-        [(yb, -ya), (-xb, xa)]
-    ):  # d xi_a / dx and d xi_b / dx, then dy, times determinant
-        gradient[:, :, axis] = (a / determinant)[:, None] * slope[:, 0] + (b / determinant)[
-            :, None
-        ] * slope[:, 1]
+    # d xi_a / dx and d xi_b / dx, then dy, times determinant
+    for axis, (a, b) in enumerate([(yb, -ya), (-xb, xa)]):
+        by_a = (a / determinant)[:, None] * slope[:, 0]
+        by_b = (b / determinant)[:, None] * slope[:, 1]
+        gradient[:, :, axis] = by_a + by_b
     return gradient, determinant
 
 
 def _jacobian(nodes: Array, slope: Array) -> Array:
     """Derivatives (2 of x and y, 2 by xi, e, q), mm, of the map from the reference triangle."""
-    relative = (
-        nodes - nodes[:, :1]
-    )  # exact, so that small triangles far from the origin lose no digits
-    J = (relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(
-        -1, 2, 2, slope.shape[-1]
-    )
-    return J.transpose(1, 2, 0, 3)
+    # exact, so that small triangles far from the origin lose no digits
+    relative = nodes - nodes[:, :1]
+    J = relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)
+    return J.reshape(-1, 2, 2, slope.shape[-1]).transpose(1, 2, 0, 3)
 
 
 class TooManyTriangles(ComputationFailed):
@@ -124,14 +119,26 @@ class StageMesh(NamedTuple):
     edges: dict[str, Index]
 
 
+def outer_sides(triangles: Index) -> Index:
+    """Return start, end and middle (k, 3) of the sides of triangles (m, 6) that no other one has.
+
+    The triangles are to the left of them.
+    """
+    sides = triangles[:, SIDES_OF_TRIANGLE].reshape(-1, 3)
+    ends = np.sort(sides[:, :2], axis=1)
+    _, first, counts = np.unique(ends, axis=0, return_index=True, return_counts=True)
+    return np.asarray(sides[first[counts == 1]])
+
+
 def nodes_on(mesh: StageMesh, label: str) -> Index:
     """Return the nodes of the edges with a label, ascending."""
     return np.unique(mesh.edges[label])
 
 
 def ordered(mesh: StageMesh) -> tuple[StageMesh, Index]:
-    """Return the mesh with nodes in scikit-fem order, corners, then middles by facet, and the new
-    node indices.
+    """Return the mesh with nodes in scikit-fem order, and the new node indices.
+
+    This order has corners, then middles by facet.
     """
     from skfem import MeshTri1
 
@@ -164,18 +171,14 @@ def check_count(triangles: float, subject: str) -> None:
 
 
 def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
-    """Raise ComputationFailed unless the mesh has the drawn area, mm^2, the expected pieces, and
-    good triangles.
+    """Raise ComputationFailed unless a mesh has the drawn area, the pieces, and good triangles.
+
+    drawn : mm^2.   expected : number of pieces.
     """
-    n = len(mesh.nodes)
     check_count(len(mesh.triangles), "mesh of")
-    if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
+    if not np.array_equal(np.unique(mesh.triangles), np.arange(len(mesh.nodes))):
         raise ComputationFailed("mesh has nodes that belong to no triangle")
-    corners = mesh.triangles[:, [0, 1, 2, 0]]
-    links = sp.coo_array(
-        (np.ones(3 * len(corners)), (corners[:, :3].ravel(), corners[:, 1:].ravel())), shape=(n, n)
-    )
-    pieces = len(np.unique(connected_components(links, directed=False)[1][corners]))
+    pieces = _number_of_pieces(mesh)
     if pieces != expected:
         raise ComputationFailed(
             f"mesh is in {pieces} pieces, expected {expected}: a neck is severed"
@@ -197,10 +200,16 @@ def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
         raise PoorTriangles(text, mesh.nodes[mesh.triangles[quality < LEAST_JACOBIAN, :3]])
 
 
+def _number_of_pieces(mesh: StageMesh) -> int:
+    n = len(mesh.nodes)
+    corners = mesh.triangles[:, [0, 1, 2, 0]]
+    ends = (corners[:, :3].ravel(), corners[:, 1:].ravel())
+    links = sp.coo_array((np.ones(3 * len(corners)), ends), shape=(n, n))
+    return len(np.unique(connected_components(links, directed=False)[1][corners]))
+
+
 def jacobians(mesh: StageMesh) -> Array:
-    """Jacobian determinants (m, 7), mm^2, at the six nodes of each triangle, then their mean over
-    it.
-    """
+    """Jacobian determinants (m, 7), mm^2, at the nodes of each triangle, then their mean over it."""
     (xa, xb), (ya, yb) = _jacobian(mesh.nodes[mesh.triangles], shape_functions(NODES)[1])
     determinants = xa * yb - xb * ya
     mean = determinants[:, 3:].mean(axis=1)  # exact for the quadratic determinant
@@ -208,15 +217,15 @@ def jacobians(mesh: StageMesh) -> Array:
 
 
 def scaled_jacobians(determinants: Array) -> Array:
-    """Smallest ratio (m,) of a determinant of `jacobians` to the mean of its triangle: 1 straight,
-    0 degenerate.
+    """Smallest ratio (m,) of a determinant of `jacobians` to the mean of its triangle.
+
+    It is 1 for a straight triangle, 0 for a degenerate one.
     """
     return np.asarray(np.min(determinants[:, :6] / determinants[:, 6:], axis=1))
 
 
 def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> StageMesh:
-    """Map a grid of the unit square, with two quadratic triangles per cell, including the middle
-    nodes.
+    """Map a grid of the unit square, with two quadratic triangles per cell.
 
     place : u, v (...) in 0..1 to points (..., 2), mm, with positive Jacobian determinant.
         The edges are labelled `left` (u = 0), `right` (u = 1), `bottom` (v = 0) and `top` (v = 1).
@@ -237,7 +246,7 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
     lines = (number[:, 0], number[:, -1], number[0], number[-1])
     edges = {
         side: np.stack([n[:-1:2], n[2::2], n[1::2]], axis=-1)
-        for side, n in zip(SIDES, lines, strict=True)
+        for side, n in zip(SIDES_OF_SQUARE, lines, strict=True)
     }
     return ordered(StageMesh(nodes, triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
 
@@ -262,7 +271,7 @@ def sector_rotation(sector: int) -> Array:
 
 
 def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """Return the whole mesh of one or three sectors and the indices of each sector's nodes in it."""
+    """Return the whole mesh of one or three sectors, and the indices of the nodes of each in it."""
     mesh, sector_nodes = joined(sectors)
     mesh, new = ordered(mesh)
     return mesh, [new[numbers] for numbers in sector_nodes]
@@ -295,7 +304,7 @@ def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
 
 
 def _numbered_nodes(parts: list[StageMesh]) -> tuple[Index, list[Index]]:
-    """Return which nodes of all sectors are kept, and the numbers of each sector's nodes among them.
+    """Return which nodes of all sectors are kept, and the numbers of the nodes of each among them.
 
     Nodes on a cut are kept once.
     """

@@ -1,5 +1,4 @@
-"""Natural frequencies and mode shapes: consistent mass, rigid hub with payload, stacks; plane or
-extruded.
+"""Natural frequencies and mode shapes: consistent mass, rigid bodies, springs; plane or extruded.
 
 K is factorised once; ARPACK iterates with its inverse, and the frequencies are Rayleigh quotients
 of its modes, with the strain energy from displacement differences within elements. Of three
@@ -25,18 +24,15 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import LinearOperator
 
 MISMATCH = 1e-5  # relative difference between eigenvalues of ARPACK and Rayleigh quotients
-BASIS = (
-    30  # vectors of ARPACK; with 20, plates with many leaf springs take half as many solutions more
-)
+# vectors of ARPACK; with 20, plates with many leaf springs take half as many solutions more
+BASIS = 30
 TOLERANCE = 1e-11  # of eigenvalues, relative
-DEGENERATE = (
-    1e-6  # relative difference of squared frequencies equal by symmetry: far above round-off
-)
+# relative difference of squared frequencies equal by symmetry: far above round-off
+DEGENERATE = 1e-6
 
 
 class VibratingStructure(NamedTuple):
-    """A structure with its mass and factorised stiffness; `space.solve` includes the stiffness of
-    the stacks.
+    """A structure with its mass and factorised stiffness, which includes that of stacks.
 
     stack_loads : (size, n), for one newton of each engaged stack.   stack_stiffness : (n,), N/mm.
     """
@@ -80,9 +76,7 @@ class Modes(NamedTuple):
         return self.structure.layers
 
     def field(self, number: int) -> Array:
-        """Displacements (n, 2) of all nodes of `mesh` in a mode, numbered from 0; with layers (n,
-        m, 3).
-        """
+        """Displacements (n, 2) of all nodes in a mode, from 0; with layers (n, m, 3)."""
         return np.asarray(self.structure.fields(self.shapes[:, number : number + 1])[0])
 
 
@@ -92,9 +86,9 @@ def vibrating_structure(
     stack_stiffness: Array | None = None,
     space: Space | None = None,
 ) -> VibratingStructure:
-    """Factorise the stiffness of a structure with engaged stacks, unless a `space` of motions is
-    given.
+    """Factorise the stiffness of a structure with engaged stacks.
 
+    space : of motions, if the stiffness is factorised already.
     stack_loads, stack_stiffness : of engaged stacks, (size, n) and (n,), N/mm.
     Raises ComputationFailed when the stiffness is singular: a part is not held.
     """
@@ -105,8 +99,9 @@ def vibrating_structure(
 
 
 def _with_stacks(solve: Solve, P: Array, k: Array) -> Solve:
-    """Return the inverse of `K + P k P'` (Woodbury): `K^-1 - X (1 + k P' X)^-1 k X'` with `X = K^-1
-    P`.
+    """Return the inverse of `K + P k P'`.
+
+    By Woodbury it is `K^-1 - X (1 + k P' X)^-1 k X'` with `X = K^-1 P`.
     """
     if not np.any(k):
         return solve
@@ -116,8 +111,9 @@ def _with_stacks(solve: Solve, P: Array, k: Array) -> Solve:
 
 
 def modes(vibrating: VibratingStructure, count: int) -> Modes:
-    """Return the lowest `count` modes, by ascending frequency. Raises ComputationFailed when they
-    do not converge.
+    """Return the lowest `count` modes, by ascending frequency.
+
+    Raises ComputationFailed when they do not converge.
     """
     return _ordered_modes(*_ritz(vibrating.space, vibrating, count), vibrating.mass, count)
 
@@ -129,8 +125,7 @@ def modes_of_tangent(
     stack_loads: Array | None = None,
     stack_stiffness: Array | None = None,
 ) -> Modes:
-    """Return the lowest `count` modes of a tangent stiffness at an equilibrium, whose inverse is
-    `solve`.
+    """Return the lowest `count` modes of a tangent stiffness, whose inverse is `solve`.
 
     stack_loads, stack_stiffness : as of `vibrating_structure`.
     Raises ComputationFailed when they do not converge, or when the equilibrium is not stable.
@@ -161,40 +156,42 @@ def stage_modes(
     count: int,
     degree: int | None = None,
 ) -> Modes:
-    """Return the lowest `count` modes of a stage given by its sectors, out of the plane with
-    antisymmetric layers.
+    """Return the lowest `count` modes of a plate around a rigid hub, given by its sectors.
+
+    They are out of the plane with antisymmetric layers.
 
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload for the pose of the
     hub.
     degree : of the quadrature of the stiffness in the plane.
+
     Raises ComputationFailed as `modes` and `Structure.lower`.
     """
-    stage = factorised_stage(sectors, plate, layers, degree)
-    mass = mass_of(stage.structure, density, carried / 3 if stage.cyclic else carried)
-    vibrating = vibrating_structure(mass, space=stage.spaces[0])
-    if not stage.cyclic:
+    factorised = factorised_stage(sectors, plate, layers, degree)
+    own = carried / SECTORS if factorised.cyclic else carried
+    vibrating = vibrating_structure(
+        mass_of(factorised.structure, density, own), space=factorised.spaces[0]
+    )
+    if not factorised.cyclic:
         return modes(vibrating, count)
-    single, motion = _ritz(stage.spaces[0], vibrating, count)
-    double, pairs = _ritz(stage.spaces[1], vibrating, -(-count // 2))
-    motion = motion / np.sqrt(3)
-    vector = np.split(pairs * np.sqrt(2 / 3), 2, axis=1)  # real and imaginary parts
+    single, motion = _ritz(factorised.spaces[0], vibrating, count)
+    double, pairs = _ritz(factorised.spaces[1], vibrating, -(-count // 2))
+    vector = np.split(pairs * np.sqrt(2 / SECTORS), 2, axis=1)  # real and imaginary parts
     turns = [sector_rotation(sector)[:2, :2] for sector in range(SECTORS)]
-    parts = [np.hstack([motion, *np.tensordot(turn, vector, axes=1)]) for turn in turns]
+    alike = motion / np.sqrt(SECTORS)
+    parts = [np.hstack([alike, *np.tensordot(turn, vector, axes=1)]) for turn in turns]
     mesh, sector_nodes = joined(sectors)
     whole = structure(mesh, plate, layers)
-    shapes = whole.loads(
-        whole_fields(
-            len(mesh.nodes), sector_nodes, [stage.structure.fields(part) for part in parts]
-        )
-    )
+    fields = [factorised.structure.fields(part) for part in parts]
+    shapes = whole.loads(whole_fields(len(mesh.nodes), sector_nodes, fields))
     shapes[-3:] = parts[0][-3:]
     squares = np.concatenate([single, double, double])
     return _ordered_modes(squares, shapes, mass_of(whole, density, carried), count)
 
 
 def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Array, Array]:
-    """Squared frequencies (k,) and modes (m, k), or (m, 2 k) for complex coordinates, of unit modal
-    mass.
+    """Squared frequencies (k,) and modes (m, k) of unit modal mass.
+
+    The modes are (m, 2 k) for complex coordinates.
     """
     from scipy.sparse.linalg import LinearOperator
 
@@ -220,8 +217,9 @@ def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Arra
 
 
 def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
-    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK;
-    `solve` is K^-1.
+    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK.
+
+    solve : K^-1.
     """
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
@@ -244,9 +242,9 @@ def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
 
 
 def _ordered_modes(squares: Array, shapes: Array, mass: Mass, count: int) -> Modes:
-    """Return the first `count` modes by ascending frequency, with pairs aligned with x and y and
-    signs normalised.
+    """Return the first `count` modes by ascending frequency, with their signs normalised.
 
+    Pairs of equal frequency are aligned with x and y.
     Alignment precedes the selection, because it needs both modes of a pair.
     """
     order = np.argsort(squares)
@@ -269,8 +267,9 @@ def _ordered_modes(squares: Array, shapes: Array, mass: Mass, count: int) -> Mod
 
 
 def _aligned(squares: Array, participation: Array) -> Array:
-    """Return the rotation (k, k) among modes of equal frequency after which the second of a pair
-    has no motion in x.
+    """Return the rotation (k, k) among modes of equal frequency that aligns pairs.
+
+    After it, the second of a pair has no motion in x.
 
     squares : (k,), ascending.   participation : (k, 3).
     """

@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexfem.arrays import Array
-from flexfem.fem.body_stress import SIDES, moving_bodies
+from flexfem.fem.body_stress import moving_bodies
 from flexfem.fem.contacts import Contacts, contacts
 from flexfem.fem.elements import (
     ElementBatch,
@@ -25,7 +25,7 @@ from flexfem.fem.elements import (
     von_mises,
 )
 from flexfem.fem.factor import Factoriser, Solve
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import StageMesh, outer_sides
 from flexfem.fem.ports import PlateModel
 from flexfem.fem.structure import Structure, structure
 from flexfem.mechanism.curves import CurvePoint, Line
@@ -419,11 +419,7 @@ def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> flo
     places = mesh.nodes + field
     edges = list[Any]()
     for part in parts:
-        sides = mesh.triangles[mesh.bodies == part][:, SIDES].reshape(-1, 3)
-        _, first, count = np.unique(
-            np.sort(sides[:, :2], axis=1), axis=0, return_index=True, return_counts=True
-        )
-        outer = sides[first[count == 1]][:, [0, 2, 1]]
+        outer = outer_sides(mesh.triangles[mesh.bodies == part])[:, [0, 2, 1]]
         edges.append(shapely.multilinestrings(shapely.linestrings(places[outer])))
     return float(shapely.distance(*edges))
 

@@ -207,7 +207,7 @@ def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> 
     """
     mesh = mesh_of(arrays)
     check_triangles(mesh, float(arrays["areas"].sum()), len(components(layout)))
-    names = [part.name for part in (*layout.bodies, *layout.joints)]
+    names = [body.name for body in layout.bodies] + [joint.name for joint in layout.joints]
     _check_areas(mesh, arrays["areas"], names)
     elastic = [body for body in layout.bodies if not body.fixed]
     if any(body.clamped for body in elastic) and "clamped" not in mesh.edges:

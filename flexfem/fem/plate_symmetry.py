@@ -114,20 +114,31 @@ class DividedRegions(NamedTuple):
 def divided(layout: Layout, regions: list[Region], moves: list[Move]) -> DividedRegions:
     """Divide the regions of a plate for the moves of `symmetry_of`."""
     faces = [body_polygon(layout, index) for index in range(len(layout.bodies))]
-    mirrored = moves[0].mirrored
-    lines = _mirror_line(layout, faces, moves[0]) if mirrored else []
+    if moves[0].mirrored:
+        return _halved(layout, regions, faces, moves[0])
+    about = moves[0].shift / (1 - moves[0].factor)
     drawn = list[Region]()
+    lines = list[Line]()
     for index, (body, face) in enumerate(zip(layout.bodies, faces, strict=True)):
-        about = None if mirrored else moves[0].shift / (1 - moves[0].factor)
-        if mirrored:
-            along = cmath.sqrt(moves[0].factor)
-        else:
-            along = _between_hinges(layout, index, about, len(moves) + 1)
-            if abs(_centroid(face) - about) < TOUCHING and not body.fixed:
-                for move in (Move(), *moves):
-                    lines += _across(face, about, (0j, move.factor * along), index)
+        along = _between_hinges(layout, index, about, len(moves) + 1)
+        if abs(_centroid(face) - about) < TOUCHING and not body.fixed:
+            for move in (Move(), *moves):
+                lines += _across(face, about, (0j, move.factor * along), index)
         loops, more = _cornered_loops(body, regions[index], along, about)
         drawn.append(regions[index]._replace(loops=loops))
+        lines += more
+    return DividedRegions([*drawn, *regions[len(faces) :]], lines)
+
+
+def _halved(
+    layout: Layout, regions: list[Region], faces: Sequence[Any], move: Move
+) -> DividedRegions:
+    """Divide the regions of a plate for a mirror image."""
+    lines = _mirror_line(layout, faces, move)
+    drawn = list[Region]()
+    for body, region in zip(layout.bodies, regions, strict=False):
+        loops, more = _cornered_loops(body, region, cmath.sqrt(move.factor), None)
+        drawn.append(region._replace(loops=loops))
         lines += more
     return DividedRegions([*drawn, *regions[len(faces) :]], lines)
 

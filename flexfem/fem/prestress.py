@@ -1,5 +1,4 @@
-"""Stiffness by the stress that is in a plate before it moves, and the loads at which this stress
-makes it buckle.
+"""Stiffness by the stress in a plate before it moves, and the loads at which it makes it buckle.
 
 The stress S of a load changes the stiffness by `int d_A u_a S_AB d_B v_a dV`, which is linear in
 the load and the same in the plane and out of it. Loads are dead, and act at points that turn with
@@ -22,20 +21,18 @@ from flexfem.fem.elements import ElementBatch, Layers, stress_tensor
 from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
 from flexfem.fem.structure import Structure
-from flexfem.mechanism.layout import loaded_contacts
+from flexfem.mechanism.layout import Patch, loaded_contacts
 from flexfem.refused import ComputationFailed
 
 BASIS = 30  # vectors of ARPACK
 TOLERANCE = 1e-9  # of the factors, relative
 SMALL_STRAIN = 0.1  # at buckling, of the most stressed parts
-SLENDER = (
-    30.0  # least ratio of the squares of displacement gradients and of strains, where parts buckle
-)
+# least ratio of the squares of displacement gradients and of strains, where parts buckle
+SLENDER = 30.0
 
 
 class Prestress(NamedTuple):
-    """Change of the stiffness of a structure by stress in it and by the loads that cause this
-    stress.
+    """Change of the stiffness of a structure by stress in it and by the loads that cause it.
 
     matrix : (n m, n m), N/mm, for every axis of the displacements of the nodes.
     level : MPa, stress of the most stressed parts, by its fourth and second powers; a singular
@@ -72,43 +69,52 @@ class CriticalShapes(NamedTuple):
 def prestress_by(
     model: PlateModel, load: Array, held: tuple[int, ...] = (), residual: float = 0.0
 ) -> Prestress:
-    """Return the change of the stiffness by a load (k,) on the ports: by its linear stress in the
-    shape at rest.
+    """Return the change of the stiffness by the linear stress of a load (k,) in the shape at rest.
 
     held : ports whose displacements stay zero.
     residual : stress of the plate, MPa, in all directions of the plane before it can deform.
     """
     structure = model.structure
     axes = structure.line.axes
+    load = _with_reactions(model, load, held)
+    initial = residual * np.diag([1.0, 1.0, 0.0])[:axes, :axes, None]
+    loads = model.ports @ load
+    if residual:
+        loads = loads - _loads_of_stress(structure, initial)
+    field = np.zeros((len(structure.mesh.nodes), *structure.shape))
+    if np.any(loads):
+        field = model.response(loads[:, None]).nodal[0]
+
+    def stress_of(batch: ElementBatch) -> Array:
+        plate = structure.plate.of(batch.numbers)
+        return stress_tensor(plate, batch.slopes(structure.line, field[None])[0]) + initial
+
+    at, turned = contacts(model).change_of_loads(np.zeros(structure.size), load)
+    level = _level(structure, stress_of)
+    return Prestress(structure, _of_stress(structure, stress_of), at, -turned, level)
+
+
+def _with_reactions(model: PlateModel, load: Array, held: tuple[int, ...]) -> Array:
+    """Return a load (k,) with what holds ports at zero displacement."""
     load = load.copy()
     if held:
         ports = list(held)
         unit = model.ports[:, ports]
         moved = model.spaces[0].solve(np.column_stack([model.ports @ load, unit]))
         load[ports] -= np.linalg.solve(unit.T @ moved[:, 1:], unit.T @ moved[:, 0])
-    initial = residual * np.diag([1.0, 1.0, 0.0])[:axes, :axes, None]
-    loads = model.ports @ load
-    if residual:
-        loads = loads - _loads_of_stress(structure, initial)
-    field = (
-        model.response(loads[:, None]).nodal[0]
-        if np.any(loads)
-        else np.zeros((len(structure.mesh.nodes), *structure.shape))
-    )
-    at, turned = contacts(model).change_of_loads(np.zeros(structure.size), load)
+    return load
 
-    def stress_of(batch: ElementBatch) -> Array:
-        plate = structure.plate.of(batch.numbers)
-        return stress_tensor(plate, batch.slopes(structure.line, field[None])[0]) + initial
 
-    squares = fourths = 0.0
+def _level(structure: Structure, stress_of: Callable[[ElementBatch], Array]) -> float:
+    """Return the level of a stress as of `Prestress`, MPa."""
+    squares = 0.0
+    fourths = 0.0
     for batch in structure.batches:
         size = np.sum(stress_of(batch) ** 2, axis=(1, 2))
         weights = (batch.weights[:, :, None] * structure.line.weights).reshape(size.shape)
         squares += float(np.sum(weights * size))
         fourths += float(np.sum(weights * size**2))
-    level = float(np.sqrt(fourths / squares)) if squares else 0.0
-    return Prestress(structure, _of_stress(structure, stress_of), at, -turned, level)
+    return float(np.sqrt(fourths / squares)) if squares else 0.0
 
 
 def _loads_of_stress(structure: Structure, stress: Array) -> Array:
@@ -151,35 +157,41 @@ def stiffened(change: Prestress) -> Solve:
 
 
 def lifted(change: Prestress, model: PlateModel, load: Array) -> Prestress:
-    """Return the change of the stiffness out of the plane by a load (k,) on the ports, of a plate
-    with the same layers.
+    """Return the change of the stiffness out of the plane by a load (k,) on the ports.
+
+    It is that of a plate with the same layers.
 
     Notes
     -----
     A force f at an arm r from the centroid of its contact does the work `f . (w x (w x r)) / 2` at
     rotations w of the contact out of the plane. The nodal forces of the couple by which it differs
     from a force at the centroid do such work by themselves, which the stress contains. Moments are
-    couples of forces that keep their direction."""
-    columns = [np.zeros((model.structure.size, 0))]
-    blocks = list[Array]()
-    layout = model.layout
-    mesh = model.mesh
+    couples of forces that keep their direction.
+    """
     structure = model.structure
-    for patch, wrench in loaded_contacts(layout, load).items():
-        along_x, along_y, couple = contact_forces(layout, mesh, patch)
-        arm = arm_of(along_x, along_y, couple)
-        fx, fy = wrench[:2]
-        of_couple = _second_order(couple.T @ mesh.nodes)
-        own = _second_order(np.outer([fx, fy], [arm.real, arm.imag]))
-        blocks.append((arm.real * fy - arm.imag * fx) * of_couple - own)
-        tilts = contact_forces(layout, mesh, patch, lifting=True)[1:]
+    columns = [np.zeros((structure.size, 0))]
+    blocks = list[Array]()
+    for patch, wrench in loaded_contacts(model.layout, load).items():
+        blocks.append(_work_of_tilts(model, patch, wrench))
+        tilts = contact_forces(model.layout, model.mesh, patch, lifting=True)[1:]
         columns.append(structure.loads(through_thickness(structure, tilts)))
     return change._replace(structure=structure, at=np.hstack(columns), carried=block_diag(*blocks))
 
 
+def _work_of_tilts(model: PlateModel, patch: Patch, wrench: Array) -> Array:
+    """Second derivatives (2, 2) of the work of a wrench (3,) on a contact, by its tilts."""
+    along_x, along_y, couple = contact_forces(model.layout, model.mesh, patch)
+    arm = arm_of(along_x, along_y, couple)
+    fx, fy = wrench[:2]
+    of_couple = _second_order(couple.T @ model.mesh.nodes)
+    own = _second_order(np.outer([fx, fy], [arm.real, arm.imag]))
+    return (arm.real * fy - arm.imag * fx) * of_couple - own
+
+
 def _second_order(virial: Array) -> Array:
-    """Return the second derivatives (2, 2), by rotations about x and y, of the work of forces of
-    `sum f r'` (2, 2).
+    """Return the second derivatives (2, 2), by rotations about x and y, of the work of forces.
+
+    virial : (2, 2), `sum f r'` of the forces.
     """
     both = (virial[0, 1] + virial[1, 0]) / 2
     return np.array([[-virial[1, 1], both], [both, -virial[0, 0]]])
@@ -188,9 +200,9 @@ def _second_order(virial: Array) -> Array:
 def critical_shapes(
     model: PlateModel, change: Prestress, held: tuple[int, ...], count: int
 ) -> CriticalShapes:
-    """Return at most `count` positive factors of a load that changes the stiffness, at which a
-    plate buckles.
+    """Return at most `count` positive factors of a load at which a plate buckles.
 
+    change : of the stiffness by the load.
     held : ports whose displacements stay zero.
 
     Notes
@@ -241,8 +253,9 @@ def critical_shapes(
 
 
 def _slenderness(structure: Structure, shapes: Array) -> Array:
-    """Return the ratios (s,) of displacement gradients to strains of shapes (size, s), as means of
-    their squares.
+    """Return the ratios (s,) of displacement gradients to strains of shapes (size, s).
+
+    They are those of means of squares.
     """
     uniform = _of_stress(structure, partial(_unit_stress, structure))
     turning = Prestress(structure, uniform, np.zeros((structure.size, 0)), np.zeros((0, 0)))
@@ -263,8 +276,9 @@ def _unit_stress(structure: Structure, batch: ElementBatch) -> Array:
 
 
 def _held(solve: Solve, ports: Array) -> Solve:
-    """Return the inverse of a stiffness with ports (size, p) held: `X - Z (P' Z)^-1 P' X` with `Z =
-    K^-1 P`.
+    """Return the inverse of a stiffness with ports (size, p) held.
+
+    It is `X - Z (P' Z)^-1 P' X` with `Z = K^-1 P`.
     """
     if not ports.shape[1]:
         return solve
@@ -279,9 +293,7 @@ def _held(solve: Solve, ports: Array) -> Solve:
 
 
 def _of_stress(structure: Structure, stress_of: Callable[[ElementBatch], Array]) -> sp.csr_array:
-    """Return the matrix (n m, n m), N/mm, of stresses (e, d, d, q z), MPa, of the elements of a
-    batch.
-    """
+    """Return the matrix (n m, n m), N/mm, of stresses (e, d, d, q z), MPa, of each batch."""
     line = structure.line
     heights = np.arange(len(line.heights))
     size = len(structure.mesh.nodes) * len(heights)
@@ -301,8 +313,9 @@ def _of_stress(structure: Structure, stress_of: Callable[[ElementBatch], Array])
 
 
 def _of_elements(piece: ElementBatch, line: Layers, stress: Array) -> Array:
-    """Return `int d_A phi_i psi_k S_AB d_B phi_j psi_l dV` (e, 6 m, 6 m) of stresses (e, d, d, q
-    z).
+    """Return `int d_A phi_i psi_k S_AB d_B phi_j psi_l dV` (e, 6 m, 6 m).
+
+    stress : (e, d, d, q z), S.
     """
     count = len(piece.triangles)
     slopes = np.einsum("eiaq,mz->eimaqz", piece.gradients, line.values)

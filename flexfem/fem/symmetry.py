@@ -1,5 +1,4 @@
-"""Cyclic symmetry: three identical sectors, solved by one that is condensed onto its cuts and the
-pose of the hub.
+"""Cyclic symmetry: three sectors, solved by one condensed onto its cuts and the pose of the hub.
 
 In harmonic 0 all sectors move identically, each in its own frame; in harmonic 1 sector c moves as
 `e^(2 pi i c / 3) u_0`, whose real and imaginary parts are two motions: the vector (1, i) of unit
@@ -20,7 +19,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.factor import Condensed, condense, dense
-from flexfem.fem.mesh import SECTOR_TURN, sector_rotation
+from flexfem.fem.mesh import SECTOR_TURN, SECTORS, sector_rotation
 from flexfem.fem.structure import Structure
 
 
@@ -49,20 +48,21 @@ def full_space(structure: Structure) -> Space:
 
 
 def harmonic_spaces(sector: Structure, nodes: int) -> tuple[Space, Space]:
-    """Condense a sector, whose unknowns are ordered interior, cut behind, cut ahead, pose:
-    harmonics 0 and 1.
+    """Condense a sector and return the spaces of harmonics 0 and 1.
+
+    Its unknowns are ordered interior, cut behind, cut ahead, pose.
 
     nodes : number of nodes of a cut in the plane. Raises ComputationFailed as `Structure.lower`, or
     when a part is not held."""
     condensed = condense(sector.lower(), 2 * nodes * sector.block + 3, sector.order(2 * nodes))
-    return _harmonic_space(sector, condensed, nodes, 0), _harmonic_space(
-        sector, condensed, nodes, 1
-    )
+    alike = _harmonic_space(sector, condensed, nodes, 0)
+    return alike, _harmonic_space(sector, condensed, nodes, 1)
 
 
 def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harmonic: int) -> Space:
-    """Space of a harmonic; coordinates: unknowns inside a sector and on its cut behind, then a pose
-    coordinate.
+    """Space of a harmonic.
+
+    Its coordinates are the unknowns inside a sector and on its cut behind, then one of the pose.
     """
     T = _cut_constraint(structure, nodes, harmonic)
     inner = structure.size - len(T)
@@ -85,9 +85,8 @@ def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harm
         return np.concatenate([merged[:inner], T.conj().T @ merged[inner:]])
 
     def solve(b: AnyArray) -> AnyArray:
-        inside, edge = condensed.reduced(
-            split(np.concatenate([b[:inner], np.zeros((len(T), b.shape[1]))]))
-        )
+        no_boundary = np.zeros((len(T), b.shape[1]))
+        inside, edge = condensed.reduced(split(np.concatenate([b[:inner], no_boundary])))
         boundary = solve_boundary(b[inner:] + T.conj().T @ merge(edge))
         unknowns = condensed.expanded(inside, split(T @ boundary))
         return np.concatenate([merge(unknowns[:inner]), boundary])
@@ -96,8 +95,7 @@ def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harm
 
 
 def _cut_constraint(structure: Structure, nodes: int, harmonic: int) -> AnyArray:
-    """Return T_h (2 c + 3, c + 1), from the cut behind and a pose coordinate to both cuts and the
-    pose.
+    """Return T_h (2 c + 3, c + 1), from cut behind and a pose coordinate to both cuts and the pose.
 
     The cut ahead is the cut behind of the next sector. A rotation by one sector leaves one freedom
     of the hub, theta or z, invariant and rotates the other two as a vector, of which `(1, i)` is
@@ -120,29 +118,24 @@ def _cut_constraint(structure: Structure, nodes: int, harmonic: int) -> AnyArray
 
 
 def chain_values(values: Sequence[Array]) -> list[Array]:
-    """Values (3 cases, ...) of three chains, each in the frame of chain 1, from those of one or
-    three sectors.
+    """Values (3 cases, ...) of three sectors, each in its own frame, from those of one or three.
 
-    With identical chains, chain c responds to a case as chain 1 to the case rotated back by c
-    sectors."""
-    if len(values) == 3:
-        return list(values)
-    return [np.tensordot(sector_rotation(chain), values[0], axes=1) for chain in range(3)]
-
-
-def rotated_fields(values: Array, chain: int) -> Array:
-    """Rotate vectors (..., 2) or (..., 3) from the frame of chain 1 to that of a chain, from 0;
-    back if negative.
+    Sector s of identical ones responds to a case as the first to the case rotated back by s
+    sectors.
     """
-    axes = values.shape[-1]
-    return values @ sector_rotation(chain)[:axes, :axes].T
+    if len(values) == SECTORS:
+        return list(values)
+    turns = [sector_rotation(sector) for sector in range(SECTORS)]
+    return [np.tensordot(turn, values[0], axes=1) for turn in turns]
 
 
 def whole_fields(nodes: int, sector_nodes: list[Index], parts: Sequence[Array]) -> Array:
-    """Fields (k, nodes, ...) of the whole mesh from those of the sector of each chain, each in the
-    frame of chain 1.
+    """Fields (k, nodes, ...) of the whole mesh from those of its sectors, each in its own frame.
+
+    Vectors have two or three components.
     """
     fields = np.empty((len(parts[0]), nodes, *parts[0].shape[2:]))
-    for chain, (numbers, part) in enumerate(zip(sector_nodes, parts, strict=True)):
-        fields[:, numbers] = rotated_fields(part, chain)
+    for sector, (numbers, part) in enumerate(zip(sector_nodes, parts, strict=True)):
+        axes = part.shape[-1]
+        fields[:, numbers] = part @ sector_rotation(sector)[:axes, :axes].T
     return fields

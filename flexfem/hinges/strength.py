@@ -1,6 +1,4 @@
-"""Strength of the hinges: stress at the necks, yield, and fatigue by Basquin's law with mean stress
-by Walker.
-"""
+"""Strength of hinges: stress at necks, and fatigue by Basquin's law with mean stress by Walker."""
 
 from __future__ import annotations
 
@@ -91,10 +89,8 @@ def von_mises_along(out_of_plane: Array) -> Array:
 
 
 KEY = "material.fatigue_strength_coefficient_mpa"
-RANGE = (
-    1e3,
-    1e6,
-)  # cycles, assumed without a source: plastic strain matters below, S-N curves bend above
+# cycles, assumed without a source: plastic strain matters below, S-N curves bend above
+RANGE = (1e3, 1e6)
 ONE_REVERSAL = 0.5  # cycles
 SAME_STRESS = 1e-9  # difference of log10 of stresses below which they are one stress
 FEWEST_POINTS = 3  # two points have no scatter
@@ -246,22 +242,13 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     >>> round(found.A), round(found.B, 4), round(found.coefficient)
     (1587, -0.0945, 1695)
     """
-    x = np.log10(_positive("stress", stress))
-    y = np.log10(_positive("cycles", cycles))
-    if x.shape != y.shape or x.size < FEWEST_POINTS:
-        raise BadInput(
-            f"{x.size} stresses and {y.size} cycles, expected the same number, {FEWEST_POINTS} or "
-            "more"
-        )
-    if np.ptp(x) < SAME_STRESS:
-        raise BadInput(f"stress: all are {10 ** x[0]:g} MPa, expected two stresses or more")
+    x, y = _logarithms(stress, cycles)
     confidence = arguments.between("confidence", confidence, 50.0, 99.9)
     from scipy import stats  # takes half a second to import, and the neck stress does not need it
 
     line = stats.linregress(x, y)
     slope = float(line.slope)
     error = float(line.stderr)
-    n = x.size
     if not slope < 0 or not STEEPEST <= 1.0 / slope <= FLATTEST:
         result = (
             f"an exponent of {1.0 / slope:.3g}"
@@ -272,32 +259,61 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
             f"S-N points give {result}, expected {STEEPEST:g} to {FLATTEST:g}: life must fall "
             "with stress"
         )
-    half = float(stats.t.ppf(0.5 + confidence / 200.0, n - 2)) * error
-    coefficient, A = (
-        float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0)
+    half = float(stats.t.ppf(0.5 + confidence / 200.0, x.size - 2)) * error
+    log_coefficient, log_A = ((np.log10(N) - line.intercept) / slope for N in (ONE_REVERSAL, 1.0))
+    intervals = _basquin_intervals(x, y, slope, half)
+    lives = np.asarray(cycles, dtype=float)
+    return BasquinFit(
+        coefficient=float(10.0**log_coefficient),
+        exponent=1.0 / slope,
+        A=float(10.0**log_A),
+        B=1.0 / slope,
+        coefficient_interval=intervals.coefficient,
+        exponent_interval=intervals.exponent,
+        confidence=float(confidence),
+        scatter=error * float(np.sqrt(np.sum((x - x.mean()) ** 2))),
+        points=x.size,
+        range=(float(np.min(lives)), float(np.max(lives))),
     )
+
+
+class _Intervals(NamedTuple):
+    """Confidence intervals of Basquin's coefficient, MPa, and exponent; None where unbounded."""
+
+    coefficient: tuple[float, float] | None
+    exponent: tuple[float, float] | None
+
+
+def _basquin_intervals(x: Array, y: Array, slope: float, half: float) -> _Intervals:
+    """Return the intervals of a fit of y on x (n,) with a slope and half of its interval.
+
+    That of the stress at one reversal is Fieller's, which is unbounded for some slopes.
+    """
     low = slope - half
     high = slope + half
+    if not high < 0:
+        return _Intervals(None, None)
     spread = float(np.sum((x - x.mean()) ** 2))
-    coefficient_interval = None
-    exponent_interval = None
-    if high < 0:  # Fieller's interval of the stress at one reversal; unbounded for other slopes
-        centre = float(np.log10(ONE_REVERSAL) - y.mean())
-        a = low * high
-        middle = x.mean() + slope * centre / a
-        half_width = half * np.sqrt(centre**2 + a * spread / n) / a
-        coefficient_interval = (
-            float(10.0 ** (middle - half_width)),
-            float(10.0 ** (middle + half_width)),
+    centre = float(np.log10(ONE_REVERSAL) - y.mean())
+    a = low * high
+    middle = x.mean() + slope * centre / a
+    half_width = half * np.sqrt(centre**2 + a * spread / x.size) / a
+    coefficient = (float(10.0 ** (middle - half_width)), float(10.0 ** (middle + half_width)))
+    return _Intervals(coefficient, (1.0 / high, 1.0 / low))
+
+
+def _logarithms(stress: ArrayLike, cycles: ArrayLike) -> tuple[Array, Array]:
+    """Return the logarithms (n,) of S-N points. Raises BadInput as `fit_basquin`."""
+    x = np.log10(_positive("stress", stress))
+    y = np.log10(_positive("cycles", cycles))
+    if x.shape != y.shape or x.size < FEWEST_POINTS:
+        raise BadInput(
+            f"{x.size} stresses and {y.size} cycles, expected the same number, {FEWEST_POINTS} or "
+            "more"
         )
-        exponent_interval = 1.0 / high, 1.0 / low
-    exponent = 1.0 / slope
-    scatter = error * float(np.sqrt(spread))
-    ends = (float(np.min(cycles)), float(np.max(cycles)))
-    intervals = coefficient_interval, exponent_interval
-    return BasquinFit(
-        coefficient, exponent, A, exponent, *intervals, float(confidence), scatter, n, ends
-    )
+    if np.ptp(x) < SAME_STRESS:
+        raise BadInput(f"stress: all are {10 ** x[0]:g} MPa, expected two stresses or more")
+    return x, y
 
 
 def _positive(name: str, values: ArrayLike) -> Array:

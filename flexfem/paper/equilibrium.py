@@ -255,7 +255,7 @@ def _newton(
         diverged = diverged | ~np.isfinite(M).all(axis=(-2, -1))
         M = np.where(diverged[..., None, None], np.eye(M.shape[-1]), M)
         right = np.where(diverged[..., None], 0.0, residual)[..., None]
-        step = np.linalg.solve(M, right)[..., 0]
+        step = np.asarray(np.linalg.solve(M, right)[..., 0])
         x = x.moved(step)
         change = step[..., : x.q.shape[-1]]
         diverged |= ~(_largest_rotation(joints, change) <= LARGEST_ROTATION)
