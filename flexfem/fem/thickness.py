@@ -1,5 +1,4 @@
-"""Effect of the thickness of a plate on its hinges: finite elements in three dimensions against
-plane stress.
+"""Effect of the thickness on hinges: finite elements in three dimensions against plane stress.
 
 A hinge is solved alone, with the material of its bodies near its ends, on one mesh in the plane.
 Bodies are wide in the plane, so that plane stress holds for them; hinges are not, and bend between
@@ -23,19 +22,18 @@ from flexfem.fem.ports import plate_of_layout
 from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.layout import Layout
 
-REACH = (
-    0.5  # of the height of an end: distance into a body over which the stress of the hinge spreads
-)
+# of the height of an end: distance into a body over which the stress of the hinge spreads
+REACH = 0.5
 FEW_LAYERS = 2  # in half the thickness, for the band
 TURNED = (-1.0, -1.0, 1.0)  # signs of twists and wrenches after half a turn
-MANY_LAYERS = (
-    4  # compliances of leaves and notches are within 0.1 % of those with 8 layers for b/t up to 80
-)
+# compliances of leaves and notches are within 0.1 % of those with 8 layers for b/t up to 80
+MANY_LAYERS = 4
 
 
 class ThickHinge(NamedTuple):
-    """A hinge in three dimensions, against plane stress; compliances are those of
-    `Profile.compliance`.
+    """A hinge in three dimensions, against plane stress.
+
+    Compliances are those of `Profile.compliance`.
 
     change : (3, 3), of the compliance at the centre of the hinge, in its axes, with ends that keep
     their thickness.
@@ -54,14 +52,14 @@ class ThickHinge(NamedTuple):
     solid: Array
 
     def stress_ratio(self, wrenches: Array) -> Array:
-        """Ratio (...) of the highest stress in three dimensions to that in plane stress, of
-        wrenches (..., 3).
+        """Ratio (...) of the highest stress in three dimensions to that in plane stress.
+
+        wrenches : (..., 3), N, V and M.
         """
         flat = wrenches.reshape(-1, 3)
         products = (flat[:, :, None] * flat[:, None]).reshape(-1, 9)
-        plane, solid = (
-            np.max(forms.reshape(-1, 9) @ products.T, axis=0) for forms in (self.plane, self.solid)
-        )
+        plane = np.max(self.plane.reshape(-1, 9) @ products.T, axis=0)
+        solid = np.max(self.solid.reshape(-1, 9) @ products.T, axis=0)
         loaded = plane > 0
         ratio = np.ones(len(flat))
         ratio[loaded] = np.sqrt(solid[loaded] / plane[loaded])
@@ -77,8 +75,9 @@ class ThickHinge(NamedTuple):
 
 
 def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
-    """Solve every hinge of a layout in three dimensions; hinges of equal profile, also turned, are
-    solved once.
+    """Solve every hinge of a layout in three dimensions.
+
+    Hinges of equal profile, also turned, are solved once.
 
     mesh : of the layout, as for `plate_bodies.body_compliances`.
     """
@@ -98,22 +97,17 @@ def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
 
 def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
     joint = layout.joints[number]
-    chosen, near, far = _surroundings(layout, mesh, number)
-    part, numbers = part_mesh(mesh, chosen)
-    z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
-    part = part._replace(nodes=np.column_stack([z.real, z.imag]))
+    alone = _hinge_alone(layout, mesh, number)
+    part = alone.mesh
     own = len(layout.bodies) + number
     of_hinge = np.unique(part.triangles[part.bodies == own])
-
-    sections = numbers[near], numbers[far]
     flat = plate_of_layout(layout, mesh=part)
-    plane = _between_sections(part, flat, None, *sections)
     plate = plate_of_layout(layout, sheet(layout.thickness), part)
-    few, many = (
-        mirrored(layout.thickness, count, joint.profile.neck) for count in (FEW_LAYERS, MANY_LAYERS)
-    )
-    coarser = _between_sections(part, plate, few, *sections)
-    solid = _between_sections(part, plate, many, *sections)
+    few = mirrored(layout.thickness, FEW_LAYERS, joint.profile.neck)
+    many = mirrored(layout.thickness, MANY_LAYERS, joint.profile.neck)
+    plane = _between_sections(alone, flat, None)
+    coarser = _between_sections(alone, plate, few)
+    solid = _between_sections(alone, plate, many)
     symmetric = joint.profile.symmetric
     return ThickHinge(
         _change(plane.compliance, solid.compliance, symmetric),
@@ -124,9 +118,27 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
     )
 
 
+class _HingeAlone(NamedTuple):
+    """Mesh of a hinge, in its axes, and of its bodies near it; nodes on the sections at its ends."""
+
+    mesh: StageMesh
+    near: Index
+    far: Index
+
+
+def _hinge_alone(layout: Layout, mesh: StageMesh, number: int) -> _HingeAlone:
+    joint = layout.joints[number]
+    chosen, near, far = _surroundings(layout, mesh, number)
+    part, numbers = part_mesh(mesh, chosen)
+    z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
+    part = part._replace(nodes=np.column_stack([z.real, z.imag]))
+    return _HingeAlone(part, numbers[near], numbers[far])
+
+
 def _von_mises_forms(stress: Array) -> Array:
-    """Quadratic forms (n, 3, 3) of the square of the von Mises stress, of the stress (3, ..., d, d)
-    of three loads.
+    """Quadratic forms (n, 3, 3) of the square of the von Mises stress in three loads.
+
+    stress : (3, ..., d, d), MPa, of each of them.
     """
     axes = stress.shape[-1]
     tensors = np.zeros((3, stress[0, ..., 0, 0].size, 3, 3))
@@ -146,8 +158,9 @@ def _change(plane: Array, solid: Array, symmetric: bool) -> Array:
 
 
 class _Part(NamedTuple):
-    """Compliances (3, 3) of a part between two sections, and its displacements (3, n, ...), mm, for
-    unit loads.
+    """Compliances (3, 3) of a part between two sections, and displacements (3, n, ...), mm.
+
+    The displacements are those by unit loads.
 
     loose : with sections that are free to contract along z.
     """
@@ -157,18 +170,18 @@ class _Part(NamedTuple):
     fields: Array
 
 
-def _between_sections(
-    mesh: StageMesh, plate: Plate, layers: Layers | None, near: Index, far: Index
-) -> _Part:
-    """Solve a part for unit loads on its far section; sections are rigid in the plane, and the near
-    one is held.
+def _between_sections(alone: _HingeAlone, plate: Plate, layers: Layers | None) -> _Part:
+    """Solve a part for unit loads on its far section; the near one is held.
+
+    Sections are rigid in the plane.
 
     Notes
     -----
     The part is condensed onto its sections, where a term is added to the diagonal, so that the
-    matrix is definite, and subtracted again from the Schur complement."""
-    ends = np.concatenate([near, far])
-    whole = structure(mesh, plate, layers, SOLID_QUADRATURE, NONE, ends)
+    matrix is definite, and subtracted again from the Schur complement.
+    """
+    ends = np.concatenate([alone.near, alone.far])
+    whole = structure(alone.mesh, plate, layers, SOLID_QUADRATURE, NONE, ends)
     edge = len(ends) * whole.block
     lower = whole.lower()
     added = np.zeros(whole.size)
@@ -176,22 +189,28 @@ def _between_sections(
     condensed = condense(lower + sp.diags_array(added, format="csr"), edge, whole.order(len(ends)))
     schur = condensed.schur - np.diag(added[-edge:])
     of_pose = whole.rigid_unknowns(ends)
-    of_pose[: len(near) * whole.block] = 0.0
+    of_pose[: len(alone.near) * whole.block] = 0.0
     along_z = np.tile(whole.line.free_components % whole.line.axes == 2, len(ends))
-    motions = list[Array]()
-    for T in (of_pose, np.column_stack([np.eye(edge)[:, along_z], of_pose])):
-        loads = np.eye(T.shape[1], 3, 3 - T.shape[1])
-        motions.append(T @ dense(T.T @ schur @ T)(loads))
-    held, loose = (motion.T @ schur @ motion for motion in motions)
+    held = _motion_under_wrenches(schur, of_pose)
+    loose = _motion_under_wrenches(schur, np.column_stack([np.eye(edge)[:, along_z], of_pose]))
     unloaded = condensed.reduced(np.zeros((whole.size, 3)))[0]
-    return _Part(held, loose, whole.fields(condensed.expanded(unloaded, motions[0])))
+    fields = whole.fields(condensed.expanded(unloaded, held))
+    return _Part(held.T @ schur @ held, loose.T @ schur @ loose, fields)
+
+
+def _motion_under_wrenches(schur: Array, T: Array) -> Array:
+    """Return the motions (b, 3) of a boundary under unit wrenches.
+
+    T : (b, m), motions that are possible, the last three by the pose of the far section.
+    """
+    loads = np.eye(T.shape[1], 3, 3 - T.shape[1])
+    return np.asarray(T @ dense(T.T @ schur @ T)(loads))
 
 
 def _surroundings(
     layout: Layout, mesh: StageMesh, number: int
 ) -> tuple[NDArray[np.bool_], Index, Index]:
-    """Return the triangles of a hinge and of its bodies near it, and the nodes on both sections
-    that bound them.
+    """Return the triangles of a hinge and its bodies near it, and the nodes on both end sections.
 
     A fixed body is rigid, and one that lies wholly near the hinge has no section: the end of the
     hinge is taken."""

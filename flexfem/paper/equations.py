@@ -277,22 +277,23 @@ def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
 
 
 def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Array) -> Influence:
-    """Return the first- and second-order influence coefficients at the joint displacements (...,
-    N), (5)-(9).
+    """Return the influence coefficients of first and second order, (5) to (9).
+
+    displacement : (..., N), of the joints.
     """
     at = chain_poses(frames, joints, displacement)
     iG = first_order(joints, at)
-    iH = second_order(joints, iG)
-    L, gap = _loop_equations(at.pose, iG)
-    A = columns(L, choice.dependent)
-    B = -columns(L, choice.independent)
-    A_inverse = inverse(A)
-    G_p = A_inverse @ B  # (7)
-    G_a = in_joint_order(G_p, np.eye(joints.mobility), choice)  # (8)
-    Q1, Q2, Q3 = (_congruence(G_a[..., s, :], H) for s, H in zip(joints.chains, iH, strict=True))
     M = joints.mobility
-    H_p = np.einsum("...kl,...lab->...kab", A_inverse, np.concatenate([Q2 - Q1, Q3 - Q1], axis=-3))
-    H_a = in_joint_order(H_p.reshape(*H_p.shape[:-2], M * M), np.zeros((M, M * M)), choice)
+    L, gap = _loop_equations(at.pose, iG)
+    A_inverse = inverse(columns(L, choice.dependent))
+    G_p = A_inverse @ -columns(L, choice.independent)  # (7)
+    G_a = in_joint_order(G_p, np.eye(M), choice)  # (8)
+    pairs = zip(joints.chains, second_order(joints, iG), strict=True)
+    Q1, Q2, Q3 = (_congruence(G_a[..., slots, :], H) for slots, H in pairs)
+    loops = np.concatenate([Q2 - Q1, Q3 - Q1], axis=-3)
+    H_p = np.einsum("...kl,...lab->...kab", A_inverse, loops)
+    flat = H_p.reshape(*H_p.shape[:-2], M * M)
+    H_a = in_joint_order(flat, np.zeros((M, M * M)), choice)
     H_a = H_a.reshape(*H_a.shape[:-1], M, M)
     chain1 = joints.chains[0]
     G_u = iG[0] @ G_a[..., chain1, :]  # (9)

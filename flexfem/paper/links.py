@@ -1,6 +1,8 @@
-"""Compliances of the bodies between the hinges: pads and links as bars along their centrelines, the
-platform and the clamped edges of pads by plane boundary elements, with points, displacements and
-tractions as complex numbers."""
+"""Compliances of the bodies between the hinges of a stage.
+
+Pads and links are bars along their centrelines. The platform and the clamped edges of pads are
+computed by plane boundary elements, with points, displacements and tractions as complex numbers.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,11 @@ from flexfem.paper.frames import CHAIN_TURN, chain_rotation
 from flexfem.paper.stage import CHAINS, Hinge, Stage
 from flexfem.paper.stage_file import Platform
 
-NODES = np.sqrt(0.6) * np.array(
-    [-1.0, 0.0, 1.0]
-)  # of an element from -1 to 1: Gauss points, none at a corner
+# of an element from -1 to 1: Gauss points, none at a corner
+NODES = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18  # per length of the element
-SHAPES = np.linalg.inv(
-    np.vander(NODES, increasing=True)
-)  # from nodal values to coefficients of powers
+# from nodal values to coefficients of powers
+SHAPES = np.linalg.inv(np.vander(NODES, increasing=True))
 CACHE_SIZE = 64  # bodies: many designs of a study have the same platform
 Edge: TypeAlias = tuple[Segment, ...]
 # of length in the logarithm, per size of the body: no hole has the radius at which it is singular
@@ -59,24 +59,22 @@ class Boundary(NamedTuple):
 def divided(
     segments: Sequence[Segment], size: Callable[[complex], float], angle: float
 ) -> Boundary:
-    """Return chords of lines and arcs, halved until none exceeds `size` at its middle or spans more
-    than `angle`.
+    """Return chords of lines and arcs.
+
+    They are halved until none exceeds `size` at its middle, mm, or spans more than `angle`, rad.
     """
     pieces = [piece for segment in segments for piece in _halved(segment, size, angle)]
-    return Boundary(
-        np.array([piece.start for piece in pieces]), np.array([piece.end for piece in pieces])
-    )
+    starts = np.array([piece.start for piece in pieces])
+    return Boundary(starts, np.array([piece.end for piece in pieces]))
 
 
 def _halved(segment: Segment, size: Callable[[complex], float], angle: float) -> list[Segment]:
     middle = complex(segment.at(0.5))
     if segment.length <= size(middle) and abs(segment.turn) <= angle:
         return [segment]
-    halves = (
-        Segment(segment.start, middle, segment.centre),
-        Segment(middle, segment.end, segment.centre),
-    )
-    return [piece for half in halves for piece in _halved(half, size, angle)]
+    first = Segment(segment.start, middle, segment.centre)
+    second = Segment(middle, segment.end, segment.centre)
+    return [*_halved(first, size, angle), *_halved(second, size, angle)]
 
 
 def displacements(
@@ -86,8 +84,7 @@ def displacements(
     poissons_ratio: float,
     copies: int = 1,
 ) -> AnyArray:
-    """Return the displacements (copies, n, k) times shear modulus, complex, of the nodes under k
-    loads.
+    """Return the displacements (copies, n, k) times shear modulus, complex, under k loads.
 
     Parameters
     ----------
@@ -119,12 +116,19 @@ def displacements(
     return np.asarray(u[:, : len(fixed)] + 1j * u[:, len(fixed) :])
 
 
-def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> tuple[Array, Array]:
-    """Matrices (copies, 2n, 2n) of tractions and of displacements, real parts before imaginary
-    ones.
+class _Equations(NamedTuple):
+    """Matrices (copies, 2n, 2n) of tractions and of displacements, real parts before imaginary ones.
 
     Their products with the tractions and displacements of all copies, each in its own frame, sum to
     zero.
+    """
+
+    of_tractions: Array
+    of_displacements: Array
+
+
+def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> _Equations:
+    """Return the boundary integral equations at the nodes.
 
     Notes
     -----
@@ -138,49 +142,64 @@ def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> tuple[Arr
     It has Kelvin's forces and dislocations from 2 U = kappa phi - z phi'* - psi* (N. I.
     Muskhelishvili, Some Basic Problems of the Mathematical Theory of Elasticity, Noordhoff 1953,
     sections 32 and 56). Displacements and tractions are quadratic in straight elements and
-    integrated exactly."""
+    integrated exactly.
+    """
     kappa = (3 - poissons_ratio) / (1 + poissons_ratio)
+    rotations = np.exp(2j * np.pi * np.arange(copies) / copies)
+    parts = [_of_copy(boundary, kappa, rotation) for rotation in rotations]
+    of_tractions = np.array([part.of_tractions for part in parts])
+    of_displacements = np.array([part.of_displacements for part in parts])
+    of_displacements[0] -= np.eye(of_displacements.shape[-1])
+    return _Equations(of_tractions, of_displacements)
+
+
+def _of_copy(boundary: Boundary, kappa: float, rotation: complex) -> _Equations:
+    """Return the matrices (2n, 2n) of one copy, turned by a complex number of unit size."""
+    half = (boundary.end - boundary.start) / 2
+    a = np.abs(half)
+    tangent = rotation * half / a
+    w = (boundary.nodes[:, None] - rotation * (boundary.start + boundary.end) / 2) / tangent
+    on_element = np.repeat(np.eye(len(a), dtype=bool) & (rotation == 1), len(NODES), axis=0)
+    w[on_element] = w[on_element].real  # each element lies on the real axis
+    unit = LOG_UNIT * float(np.max(np.abs(boundary.nodes)))
+    logs, cauchy, squares, powers = _moments(w, a, on_element, unit)
+    offset = (np.conj(w) - w)[..., None]
+    frame = tangent[:, None] ** 2
     force = SHAPES / (4 * np.pi * (1 + kappa))
     jump = SHAPES / (2j * np.pi * (1 + kappa))
-    half = (boundary.end - boundary.start) / 2
-    matrices = []
-    a = np.abs(half)
-    unit = LOG_UNIT * float(np.max(np.abs(boundary.nodes)))
-    for rotation in np.exp(2j * np.pi * np.arange(copies) / copies):
-        tangent = rotation * half / a
-        w = (boundary.nodes[:, None] - rotation * (boundary.start + boundary.end) / 2) / tangent
-        on_element = np.repeat(np.eye(len(a), dtype=bool) & (rotation == 1), len(NODES), axis=0)
-        w[on_element] = w[on_element].real  # each element lies on the real axis
-        logs, cauchy, squares, powers = _moments(w, a, on_element, unit)
-        offset = (np.conj(w) - w)[..., None]
-        frame = tangent[:, None] ** 2
-        by_force = -2 * kappa * logs @ force, frame * (powers + offset * np.conj(cauchy)) @ force
-        by_jump = (
-            (kappa * cauchy - np.conj(cauchy)) @ jump,
-            -frame * offset * np.conj(squares) @ jump,
-        )
-        matrices.append(
-            [_real(rotation * A, np.conj(rotation) * B) for A, B in (by_force, by_jump)]
-        )
-    single, double = np.moveaxis(np.array(matrices), 1, 0)
-    double[0] -= np.eye(double.shape[-1])
-    return single, double
+    by_force = -2 * kappa * logs @ force
+    by_force_star = frame * (powers + offset * np.conj(cauchy)) @ force
+    by_jump = (kappa * cauchy - np.conj(cauchy)) @ jump
+    by_jump_star = -frame * offset * np.conj(squares) @ jump
+    back = np.conj(rotation)
+    return _Equations(
+        _real(rotation * by_force, back * by_force_star),
+        _real(rotation * by_jump, back * by_jump_star),
+    )
 
 
-def _moments(
-    w: AnyArray, a: Array, on_element: NDArray[np.bool_], unit: float
-) -> tuple[Array, AnyArray, AnyArray, Array]:
-    """Integrals (n, m, 3) over s from -a to a of (s/a)^k times ln(|s - w|/unit), 1/(s - w), 1/(s -
-    w)^2 and 1.
+class _Moments(NamedTuple):
+    """Integrals (n, m, 3) over s from -a to a of (s/a)^k, k from 0 to 2, times four functions.
+
+    They are ln(|s - w|/unit), 1/(s - w), 1/(s - w)^2 and 1.
     """
+
+    logs: Array
+    cauchy: AnyArray
+    squares: AnyArray
+    powers: Array
+
+
+def _moments(w: AnyArray, a: Array, on_element: NDArray[np.bool_], unit: float) -> _Moments:
+    """Return the integrals over elements of half lengths a (m,) at points w (n, m)."""
     c = [np.log((w - a) / (w + a))]
     c[0][on_element] = c[0][on_element].real + 1j * np.pi  # limit from the body, on the left
-    c += [2 * a + w * c[0]]
-    c += [w * c[1]]
-    c += [2 * a**3 / 3 + w * c[2]]
+    c.append(2 * a + w * c[0])
+    c.append(w * c[1])
+    c.append(2 * a**3 / 3 + w * c[2])
     s = [-1 / (a - w) - 1 / (a + w)]
-    s += [c[0] + w * s[0]]
-    s += [c[1] + w * s[1]]
+    s.append(c[0] + w * s[0])
+    s.append(c[1] + w * s[1])
     log_end = np.log(np.abs(a - w) / unit)
     log_start = np.log(np.abs(a + w) / unit)
     logs = [
@@ -189,12 +208,15 @@ def _moments(
     ]
     scale = a[:, None] ** -np.arange(3.0)
     powers = a[:, None] * np.array([2.0, 0.0, 2 / 3])
-    return np.stack(logs, -1) * scale, np.stack(c[:3], -1) * scale, np.stack(s, -1) * scale, powers
+    return _Moments(
+        np.stack(logs, -1) * scale, np.stack(c[:3], -1) * scale, np.stack(s, -1) * scale, powers
+    )
 
 
 def _real(A: AnyArray, B: AnyArray) -> Array:
-    """Matrix (2n, 2n) of the map u -> A u + B u*, given as (n, m, 3), on real parts before
-    imaginary ones.
+    """Matrix (2n, 2n) of the map u -> A u + B u*, on real parts before imaginary ones.
+
+    A, B : (n, m, 3).
     """
     A = A.reshape(len(A), -1)
     B = B.reshape(len(B), -1)
@@ -206,8 +228,9 @@ def _split(values: AnyArray) -> Array:
 
 
 def _rigid_motion_terms(boundary: Boundary) -> Array:
-    """Terms that make the equations of a free body regular: the mean of each rigid motion acts on
-    that motion.
+    """Terms that make the equations of a free body regular.
+
+    By them the mean of each rigid motion acts on that motion.
     """
     z = boundary.nodes / np.max(np.abs(boundary.nodes))
     rigid = _split(np.stack([np.ones(len(z)), 1j * np.ones(len(z)), 1j * z], axis=-1))
@@ -227,8 +250,7 @@ BLOCK = 2.0  # length of the straight block, per link width
 
 
 def platform_compliance(stage: Stage, material: Elastic) -> Array:
-    """Return the compliance (9, 9) that the platform adds to the three chains: x, y, theta of chain
-    1, 2 and 3.
+    """Return the compliance (9, 9) that the platform adds to x, y, theta of the three chains.
 
     Raises BadInput when the platform cannot be drawn.
 
@@ -237,19 +259,15 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
     A lug is not a beam. It adds the difference of two bodies, both cut in the neck under the
     stresses of a beam: the drawn platform, and half the notch on a straight block, which the
     calibrated hinge includes. Where the hinges of the chains differ, the coupling of two lugs is
-    the mean of that of three lugs like the first and three like the second."""
+    the mean of that of three lugs like the first and three like the second.
+    """
     cut_angle(stage)  # refuses lugs with no rim between them
-    E, nu, width, uniform = *map(float, material), stage.chain.link_width, list[Array]()
-    for chain in CHAINS:
-        left, right = (tuple(body_sides(stage, chain, side)[3]) for side in (1, -1))
-        hinge = stage.hinge(chain, "platform")
-        compliance = _lug_compliance(
-            left, right, necks(stage, chain)[2], hinge, width, stage.platform, nu
-        )
-        uniform.append(compliance / (E * stage.thickness))
-    coupled = np.array(
-        [[(uniform[i][i - j] + uniform[j][i - j]) / 2 for j in range(3)] for i in range(3)]
-    )
+    E = float(material.youngs_modulus)
+    nu = float(material.poissons_ratio)
+    uniform = [_uniform_lugs(stage, chain, nu) / (E * stage.thickness) for chain in CHAINS]
+    coupled = np.zeros((3, 3, 3, 3))
+    for i, j in np.ndindex(3, 3):
+        coupled[i, j] = (uniform[i][i - j] + uniform[j][i - j]) / 2
     poses = [necks(stage, chain)[2] for chain in CHAINS]
     rotations = np.exp(1j * CHAIN_TURN * np.arange(3))
     axes = np.exp(1j * np.array([pose.heading for pose in poses])) * rotations
@@ -257,13 +275,24 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
     return np.asarray(np.einsum("ipa,ijab,jqb->ipjq", J, coupled, J).reshape(9, 9))
 
 
+def _uniform_lugs(stage: Stage, chain: int, nu: float) -> Array:
+    """Return the compliance of `_lug_compliance` of three lugs like that of a chain."""
+    left = tuple(body_sides(stage, chain, 1)[3])
+    right = tuple(body_sides(stage, chain, -1)[3])
+    hinge = stage.hinge(chain, "platform")
+    neck = necks(stage, chain)[2]
+    return _lug_compliance(left, right, neck, hinge, stage.chain.link_width, stage.platform, nu)
+
+
 @lru_cache(CACHE_SIZE)
 def _lug_compliance(
     left: Edge, right: Edge, neck: Pose, hinge: Hinge, width: float, platform: Platform, nu: float
 ) -> Array:
-    """Compliance (3, 3, 3) in excess of the hinge, at the necks of this and the next chains, of
-    three equal lugs, by moment, axial and transverse force on one neck; unit Young's modulus and
-    thickness."""
+    """Compliance (3, 3, 3) in excess of the hinge, at the necks of this and the next chains.
+
+    It is that of three equal lugs, by moment, axial and transverse force on one neck, for unit
+    Young's modulus and thickness.
+    """
     disc = platform.radius
     hub = platform.hub_radius
     size = element_size(width, neck, hinge)
@@ -285,40 +314,54 @@ def _lug_compliance(
 
 
 def _half_hinge(hinge: Hinge, width: float, nu: float) -> Array:
-    """Compliance (3, 3) of half a hinge about its neck: on a straight block, less the block as a
-    beam; unit E and b.
+    """Compliance (3, 3) of half a hinge about its neck, for unit Young's modulus and thickness.
+
+    It is that of the half on a straight block, less the block as a beam.
     """
     start = hinge.radius
     end = hinge.radius + BLOCK * width
     neck = Pose(0j, 0.0)
-    left, right = (notch_side(neck, hinge, width, side)[1] for side in (1, -1))
-    edge = complex(end, -width / 2)
-    back = complex(end, width / 2)
-    sides = (
-        [*right, *polyline(right[-1].end, edge)],
-        [*polyline(back, left[-1].end), *reverse(left)],
-    )
-    paths = [[Segment(left[0].start, right[0].start)], sides[0], [Segment(edge, back)], sides[1]]
-    boundary, part = joined(
-        [divided(path, element_size(width, neck, hinge), ARC_ANGLE) for path in paths]
-    )
+    boundary, part = joined(_block_with_notch(hinge, neck, width, end))
     at_neck = beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
     moment, axial, shear = beam_stress(Pose(complex(end), 0.0), width, boundary.nodes, part == 2).T
     loads = at_neck - np.stack([moment, axial, shear - end * moment], axis=-1)
-    (block,) = _compliance(boundary, loads, np.zeros(len(part), dtype=bool), nu) * 2 * (1 + nu)
-    bending = (
-        12 / width**3 * np.array([end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3])
-    )
+    nowhere = np.zeros(len(part), dtype=bool)
+    (block,) = _compliance(boundary, loads, nowhere, nu) * 2 * (1 + nu)
+    return np.asarray(block - _beam_compliance(start, end, width, nu))
+
+
+def _block_with_notch(hinge: Hinge, neck: Pose, width: float, end: float) -> list[Boundary]:
+    """Return the section in the neck, the right side, the end and the left side of a block."""
+    left = notch_side(neck, hinge, width, 1)[1]
+    right = notch_side(neck, hinge, width, -1)[1]
+    edge = complex(end, -width / 2)
+    back = complex(end, width / 2)
+    paths: list[Sequence[Segment]] = [
+        [Segment(left[0].start, right[0].start)],
+        [*right, *polyline(right[-1].end, edge)],
+        [Segment(edge, back)],
+        [*polyline(back, left[-1].end), *reverse(left)],
+    ]
+    size = element_size(width, neck, hinge)
+    return [divided(path, size, ARC_ANGLE) for path in paths]
+
+
+def _beam_compliance(start: float, end: float, width: float, nu: float) -> Array:
+    """Compliance (3, 3) of a beam from `start` to `end` by moment, axial and transverse force at 0.
+
+    It is that for unit Young's modulus and thickness.
+    """
+    powers = [end - start, (end**2 - start**2) / 2, (end**3 - start**3) / 3]
+    bending = 12 / width**3 * np.array(powers)
     beam = np.diag([bending[0], (end - start) / width, 0.0])
     beam[2, 2] = bending[2] + SHEAR_CORRECTION * 2 * (1 + nu) * (end - start) / width
-    beam[0, 2] = beam[2, 0] = -bending[1]
-    return np.asarray(block - beam)
+    beam[0, 2] = -bending[1]
+    beam[2, 0] = -bending[1]
+    return beam
 
 
 def element_size(width: float, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
-    """Return the function of a point that gives the largest element size, mm, on a link-wide body
-    with a neck.
-    """
+    """Return the largest element size, mm, as a function of a point of a link-wide body with a neck."""
 
     def size(point: complex) -> float:
         distance = max(0.0, abs(point - pose.point) - hinge.neck / 2)
@@ -334,8 +377,9 @@ def joined(parts: list[Boundary]) -> tuple[Boundary, AnyArray]:
 
 
 def beam_stress(pose: Pose, height: float, nodes: AnyArray, on_section: AnyArray) -> AnyArray:
-    """Return tractions (n, 3) on a section by unit moment, axial and transverse force: linear,
-    constant, parabolic.
+    """Return tractions (n, 3) on a section by unit moment, axial and transverse force.
+
+    They are linear, constant and parabolic.
     """
     axis = cmath.exp(1j * pose.heading)
     y = ((nodes - pose.point) / axis).imag
@@ -348,8 +392,9 @@ def beam_stress(pose: Pose, height: float, nodes: AnyArray, on_section: AnyArray
 def _compliance(
     boundary: Boundary, loads: AnyArray, fixed: AnyArray, poissons_ratio: float, copies: int = 1
 ) -> Array:
-    """Compliance (copies, k, k) of each copy to loads on the first, unit G and thickness; made
-    reciprocal.
+    """Compliance (copies, k, k) of each copy to loads on the first, made reciprocal.
+
+    It is that for unit shear modulus and thickness.
     """
     u = displacements(boundary, loads, fixed, poissons_ratio, copies)
     work = ((np.conj(loads) * boundary.weights[:, None]).T @ u).real
@@ -363,8 +408,7 @@ RADII = 32  # Gauss points across a curved bar, in the logarithm of the radius
 
 @once
 def body_compliance(stage: Stage) -> Array:
-    """Return the compliance (9, 9) that pads, links and platform add to the chains: x, y, theta of
-    chain 1, 2 and 3.
+    """Return the compliance (9, 9) that pads, links and platform add to x, y, theta of the chains.
 
     Raises BadInput when they cannot be drawn.
     """
@@ -384,65 +428,69 @@ def body_compliance(stage: Stage) -> Array:
 def bar_density(
     stage: Stage, material: Elastic, segment: Segment, first: float = 0.0, last: float = 1.0
 ) -> tuple[Array, Array]:
-    """Return compliances (q, 3, 3) at the platform of pieces of one line or arc from a `first` to a
-    `last` fraction of its length, and the fractions (q,) of the pieces."""
+    """Return compliances (q, 3, 3) at the platform of pieces of one line or arc, and their places.
+
+    The places (q,) are fractions of its length; the pieces are from the `first` to the `last`.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     fraction = first + (last - first) * (nodes + 1) / 2
     if segment.centre is None:
         places = segment.at(fraction)
-        E, nu = material
-        width = stage.chain.link_width
-        density = np.diag([12 / width**2, 1.0, SHEAR_CORRECTION * 2 * (1 + nu)]) / (
-            E * stage.thickness * width
-        )
+        density = _straight(stage, material)
     else:
         places = np.full(POINTS, segment.centre)
-        side = float(np.sign(segment.turn))
-        density = _curved(stage, material, abs(segment.start - segment.centre)) * np.outer(
-            [side, 1, 1], [side, 1, 1]
-        )
+        signs = np.array([float(np.sign(segment.turn)), 1.0, 1.0])
+        radius = abs(segment.start - segment.centre)
+        density = _curved(stage, material, radius) * np.outer(signs, signs)
     J = freedom_motions(places, segment.tangent(fraction))
     lengths = weights / 2 * segment.length * (last - first)
     return np.asarray(np.einsum("q,qia,ab,qjb->qij", lengths, J, density, J)), fraction
 
 
+def _straight(stage: Stage, material: Elastic) -> Array:
+    """Compliance per length (3, 3) of a straight bar to moment, axial force and shear."""
+    E, nu = material
+    width = stage.chain.link_width
+    shear = SHEAR_CORRECTION * 2 * (1 + nu)
+    return np.asarray(np.diag([12 / width**2, 1.0, shear]) / (E * stage.thickness * width))
+
+
 def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
-    """Compliance per length (3, 3) of a curved bar to moment, axial force and shear at the centre
-    of curvature.
+    """Compliance per length (3, 3) of a curved bar to moment, axial force and shear.
+
+    They act at the centre of curvature.
 
     Notes
     -----
     It uses the exact plane stresses of `bend_stresses`: a sharp bend (b/a = 9) is 44 % softer than
-    Winkler's bar."""
+    Winkler's bar.
+    """
     E, nu = material
     width = stage.chain.link_width
     a = radius - width / 2
     b = radius + width / 2
     nodes, weights = np.polynomial.legendre.leggauss(RADII)
     r = a * (b / a) ** ((nodes + 1) / 2)
-    dr = weights / 2 * np.log(b / a) * r
+    r_dr = r * (weights / 2 * np.log(b / a) * r)
     bending, tension, shear, radial = bend_stresses(a, b, r)
-    stress = np.array(
-        [[radial, bending], [shear, tension]]
-    )  # by moment and by axial force, radial and tangential
+    # by moment and by axial force, radial and tangential
+    stress = np.array([[radial, bending], [shear, tension]])
     hooke = np.array([[1, -nu], [-nu, 1]])
     density = np.zeros((3, 3))
-    density[:2, :2] = np.einsum("ian,ab,jbn,n->ij", stress, hooke, stress, r * dr)
-    density[2, 2] = 2 * (1 + nu) * np.sum(shear**2 * r * dr)
+    density[:2, :2] = np.einsum("ian,ab,jbn,n->ij", stress, hooke, stress, r_dr)
+    density[2, 2] = 2 * (1 + nu) * np.sum(shear**2 * r_dr)
     return density / (E * stage.thickness * radius)
 
 
-CORNER = (
-    1 / 100
-)  # size of elements at the clamped corners, per link width; it grows as from the neck
+# size of elements at the clamped corners, per link width; it grows as from the neck
+CORNER = 1 / 100
 
 
 @once
 def edge_motions(stage: Stage, neck_factor: float = 1.0) -> Array:
-    """Return motions (3 chains, 3, 3 cases) of the platform, hinges at rest, by strain and bow of
-    the clamped edges.
+    """Return motions (3 chains, 3, 3 cases) of the platform by strain and bow of clamped edges.
 
-    They are per difference of the expansions of frame and stage, for 1 K, 1 K/mm along x and 1 K/mm
+    The hinges are at rest. They are per difference of the expansions of frame and stage, for 1 K, 1 K/mm along x and 1 K/mm
     along y about the platform's centre. `neck_factor` multiplies the necks of the base hinges.
 
     Notes
@@ -469,32 +517,16 @@ def edge_motions(stage: Stage, neck_factor: float = 1.0) -> Array:
 
 @lru_cache(CACHE_SIZE)
 def _pad_motion(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
-    """Motion (3, 3) of the neck of a clamped pad at the middle of the edge: axial, transverse,
-    rotation.
+    """Motion (3, 3) of the neck of a clamped pad at the middle of the edge.
 
-    The edge, eta to the left from its middle, has three displacements: eta along itself; eta^2/2
-    ahead; eta^2/2 along."""
+    Rows are axial, transverse and rotation. The edge, eta to the left from its middle, has three
+    displacements: eta along itself; eta^2/2 ahead; eta^2/2 along.
+    """
     neck = Pose(0j, 0.0)
     middle = -hinge.radius - width + 0j
-    corners = middle + 0.5j * width, middle - 0.5j * width
-    walls = [notch_side(neck, hinge, width, side)[0] for side in (1, -1)]
-    left, right = (
-        [*polyline(c, wall[0].start), *wall] for c, wall in zip(corners, walls, strict=True)
-    )
-    edge = Segment(*corners)
-    end = Segment(right[-1].end, left[-1].end)
-    size = element_size(width, neck, hinge)
-
-    def graded_size(point: complex) -> float:
-        distance = min(abs(point - edge.start), abs(point - edge.end))
-        return min(size(point), CORNER * width + GROWTH * distance)
-
-    boundary, part = joined(
-        [divided(path, graded_size, ARC_ANGLE) for path in ([edge], right, [end], reverse(left))]
-    )
-    outward = np.repeat(
-        -1j * (boundary.end - boundary.start) / np.abs(boundary.end - boundary.start), 3
-    )
+    boundary, part = joined(_pad(hinge, neck, width, middle))
+    along = boundary.end - boundary.start
+    outward = np.repeat(-1j * along / np.abs(along), len(NODES))
     field, traction = _edge_fields(boundary.nodes - middle, outward, poissons_ratio)
     u = field + displacements(boundary, -traction, part == 0, poissons_ratio)[0]
     stress = beam_stress(neck, hinge.neck, boundary.nodes, part == 2)
@@ -502,11 +534,28 @@ def _pad_motion(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
     return np.stack([axial, transverse + middle.real * rotation, rotation])
 
 
-def _edge_fields(z: AnyArray, normal: AnyArray, poissons_ratio: float) -> tuple[AnyArray, AnyArray]:
-    """Displacements in equilibrium (n, 3) with the three displacements of the edge, and tractions;
-    unit shear modulus.
+def _pad(hinge: Hinge, neck: Pose, width: float, middle: complex) -> list[Boundary]:
+    """Return the clamped edge, right side, section in the neck and left side of a pad."""
+    edge = Segment(middle + 0.5j * width, middle - 0.5j * width)
+    left_wall = notch_side(neck, hinge, width, 1)[0]
+    right_wall = notch_side(neck, hinge, width, -1)[0]
+    left = [*polyline(edge.start, left_wall[0].start), *left_wall]
+    right = [*polyline(edge.end, right_wall[0].start), *right_wall]
+    end = Segment(right[-1].end, left[-1].end)
+    size = element_size(width, neck, hinge)
 
-    Their stresses along the edge are E; -E xi; E eta with a shear stress of -E xi, where xi is
+    def graded_size(point: complex) -> float:
+        distance = min(abs(point - edge.start), abs(point - edge.end))
+        return min(size(point), CORNER * width + GROWTH * distance)
+
+    paths = ([edge], right, [end], reverse(left))
+    return [divided(path, graded_size, ARC_ANGLE) for path in paths]
+
+
+def _edge_fields(z: AnyArray, normal: AnyArray, poissons_ratio: float) -> tuple[AnyArray, AnyArray]:
+    """Displacements in equilibrium (n, 3) with three displacements of the edge, and tractions.
+
+    They are those for unit shear modulus. Their stresses along the edge are E; -E xi; E eta with a shear stress of -E xi, where xi is
     ahead of the edge."""
     nu = poissons_ratio
     x = z.real
@@ -520,6 +569,6 @@ def _edge_fields(z: AnyArray, normal: AnyArray, poissons_ratio: float) -> tuple[
     ]
     sigma_yy = E * np.stack([zero + 1, -x, y])
     tau_xy = E * np.stack([zero, zero, -x])
-    return np.stack(u, axis=-1), (
-        tau_xy * normal.imag + 1j * (tau_xy * normal.real + sigma_yy * normal.imag)
-    ).T
+    along_x = tau_xy * normal.imag
+    along_y = tau_xy * normal.real + sigma_yy * normal.imag
+    return np.stack(u, axis=-1), (along_x + 1j * along_y).T

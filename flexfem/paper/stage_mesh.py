@@ -1,5 +1,4 @@
-"""Meshes of stages: a sector per chain, one for three identical chains; plates and layers of
-stages.
+"""Meshes of stages: a sector per chain, one for three identical chains; their plates and layers.
 
 Element size grows linearly with the distance from a neck, outside the length over which a notch
 bends, about `sqrt(t R)`: four triangles across a neck then keep the platform stiffness within 0.1 %
@@ -66,20 +65,26 @@ def mesh_sectors(
     check_feasible(stage)
     across = (resolution,) * 3 if isinstance(resolution, int) else resolution
     chains = (1,) if stage.chains_alike and len(set(across)) == 1 else (1, 2, 3)
-    keys = [
-        (across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains
-    ]
-    distinct = [keys.index(key) for key in dict.fromkeys(keys)]
-    jobs = [sector_drawing(stage, chains[k], across[chains[k] - 1], max(across)) for k in distinct]
     limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
-    meshed = [_meshed(job, limit) for job in jobs]
-    sectors = tuple(meshed[distinct.index(keys.index(key))] for key in keys)
+    meshed = dict[tuple[object, ...], Sector]()
+    sectors = list[Sector]()
+    for chain in chains:
+        own = across[chain - 1]
+        key = (own, *(stage.hinge(chain, name) for name in HINGE_NAMES))
+        if key not in meshed:
+            meshed[key] = _meshed(sector_drawing(stage, chain, own, max(across)), limit)
+        sectors.append(meshed[key])
+    _check_cuts(sectors)
+    return tuple(sectors)
+
+
+def _check_cuts(sectors: list[Sector]) -> None:
+    """Raise ComputationFailed unless each sector fits the next one."""
     for sector, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
         ahead = sector.mesh.nodes[sector.ahead]
         behind = turned(following.mesh.nodes[following.behind], CHAIN_TURN)
         if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
             raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
-    return sectors
 
 
 def _meshed(job: FaceMesh, time_limit: Limit) -> Sector:
@@ -100,15 +105,14 @@ def _next_attempt(job: FaceMesh, failure: ComputationFailed) -> FaceMesh | None:
 
 
 def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:
-    """Mesh the whole stage with `mesh_sectors`; with identical chains the mesh is exactly
-    symmetric.
-    """
+    """Mesh the whole stage with `mesh_sectors`; it is exactly symmetric for identical chains."""
     return welded(mesh_sectors(stage, resolution))[0]
 
 
 def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> FaceMesh:
-    """Return drawing and sizes of the sector of a chain; `finest`, the highest resolution of all,
-    sets the cuts.
+    """Return drawing and sizes of the sector of a chain.
+
+    finest : the highest resolution of all, which sets the cuts.
     """
     fine = max(resolution, 2)  # a single triangle across an arc would degenerate
     faces = list(draw_sector(stage, chain).values())
@@ -126,15 +130,16 @@ def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> Fa
 
 
 def grading(centre: complex, radius: float, size: float, coarse: float, across: float) -> Grading:
-    """Return sizes, mm, that grow outside a radius at the rate of a neck with `across` triangles."""
+    """Return sizes, mm, that grow outside a radius as from a neck with `across` triangles."""
     return Grading((centre,), radius, size, coarse, (coarse - size) * across / GROWTH)
 
 
 def notch_sizes(
     neck: float, radius: float, across: float, resolution: float
 ) -> Iterator[tuple[float, float]]:
-    """Yield distances from a neck and sizes within them, mm, as the thickness of a notch grows
-    slower than a cone.
+    """Yield distances from a neck and sizes within them, mm.
+
+    The thickness of a notch grows slower there than a cone.
     """
     distance = PLATEAU * math.sqrt(neck * radius)
     yield distance, neck / across
@@ -151,9 +156,7 @@ def _across(hinge: Hinge, resolution: int) -> int:
 def _refinement_points(
     stage: Stage, chain: int, faces: list[Face], resolution: int
 ) -> Iterator[tuple[complex, float, float]]:
-    """Yield centres, radii and the triangle sizes within, mm: of necks, the platform and rounded
-    bends.
-    """
+    """Yield centres, radii and sizes within, mm: of necks, the platform and rounded bends."""
     notches = []
     for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
         hinge = stage.hinge(chain, name)
@@ -174,11 +177,12 @@ def _refinement_points(
 
 
 def _sector(job: FaceMesh, arrays: NamedArrays) -> Sector:
-    check_triangles(mesh := mesh_of(arrays), sum(area(face.loop) for face in job.faces))
+    """Return a sector in arrays of the mesher. Raises ComputationFailed as `check_triangles`."""
+    mesh = mesh_of(arrays)
+    check_triangles(mesh, sum(area(face.loop) for face in job.faces))
     hub = nodes_on(mesh, "hub")
-    behind, ahead = (
-        by_radius(mesh.nodes, mesh.edges[f"cut {side}"]) for side in ("behind", "ahead")
-    )
+    behind = by_radius(mesh.nodes, mesh.edges["cut behind"])
+    ahead = by_radius(mesh.nodes, mesh.edges["cut ahead"])
     return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])
 
 
@@ -189,8 +193,8 @@ def plate_of(stage: Stage) -> Plate:
     with located(stage):
         if stage.model == "corrected":
             raise BadInput(
-                'model = "corrected", with three-dimensional hinges, expected "plane_stress" or "plane_strain": '
-                "the finite elements are plane"
+                'model = "corrected", with three-dimensional hinges, expected "plane_stress" or '
+                '"plane_strain": the finite elements are plane'
             )
     E, nu = stage.elastic
     return Plate(float(E), float(nu), stage.thickness)
