@@ -19,9 +19,11 @@ from flexfem.importing.drawings import NO_READING, Reading
 from flexfem.live.elements import Elements
 from flexfem.live.session import Session
 from flexfem.refused import BadInput
+from flexfem.sources import PACKAGE
 
 HOST = "127.0.0.1"
 TEMPLATES = Path(__file__).with_name("templates")
+OF_PAGES = PACKAGE / "page" / "templates"  # the drawing that a hand moves is that of report pages
 WATCH = 0.25  # s, between two looks at the file
 SETTLED = 0.5  # s without a change after which finite elements start
 LARGEST_REQUEST = 2**16  # bytes
@@ -120,6 +122,8 @@ class LivePage:
             Route(f"{at}/", self._page),
             Route(f"{at}/live.css", self._style),
             Route(f"{at}/live.js", self._script),
+            Route(f"{at}/handle.js", self._handle),
+            Route(f"{at}/handle.css", self._handle_style),
             Route(f"{at}/events", self._events),
             Route(f"{at}/change", self._change, methods=["POST"]),
             Route(f"{at}/save", self._save, methods=["POST"]),
@@ -148,14 +152,16 @@ class LivePage:
         return HTMLResponse(page.render(title=self.session.title, file=str(self.session.path)))
 
     async def _style(self, _: Any) -> Any:
-        from starlette.responses import Response
-
-        return Response((TEMPLATES / "live.css").read_text(), media_type="text/css")
+        return _file(TEMPLATES / "live.css", "text/css")
 
     async def _script(self, _: Any) -> Any:
-        from starlette.responses import Response
+        return _file(TEMPLATES / "live.js", "text/javascript")
 
-        return Response((TEMPLATES / "live.js").read_text(), media_type="text/javascript")
+    async def _handle(self, _: Any) -> Any:
+        return _file(OF_PAGES / "handle.js", "text/javascript")
+
+    async def _handle_style(self, _: Any) -> Any:
+        return _file(OF_PAGES / "handle.css", "text/css")
 
     async def _events(self, _: Any) -> Any:
         from starlette.responses import StreamingResponse
@@ -242,6 +248,7 @@ class LivePage:
             "sliders": [slider._asdict() for slider in session.sliders],
             "values": answer.values,
             "drawing": answer.drawing._asdict(),
+            "handled": None if answer.handled is None else plain(answer.handled),
             "rows": [row._asdict() for row in answer.rows],
             "doubts": answer.doubts,
             "seconds": answer.seconds,
@@ -290,6 +297,22 @@ class Guard:
         own = f"{HOST}:{self._page.port}"
         origin = headers.get("origin")
         return headers.get("host") == own and origin in (None, f"http://{own}")
+
+
+def _file(path: Path, kind: str) -> Any:
+    """Return the answer with the text of a file of the package."""
+    from starlette.responses import Response
+
+    return Response(path.read_text(encoding="utf-8"), media_type=kind)
+
+
+def plain(value: Any) -> Any:
+    """Return named tuples as mappings, also within lists."""
+    if hasattr(value, "_asdict"):
+        return {name: plain(part) for name, part in value._asdict().items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return value
 
 
 async def _body(request: Any) -> bytes:

@@ -14,6 +14,7 @@ from flexfem.importing.drawings import is_drawing, load
 from flexfem.live.answers import PlateDrawing, Row, drawing_of, rows_by_model
 from flexfem.live.numbers import Slider, changed, save, sliders_of
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.questions.handling import Handled, handled
 from flexfem.refused import BadInput, ComputationFailed, line_of
 
 AROUND = 3  # lines of the file that are shown before and after one at fault
@@ -35,6 +36,7 @@ class LiveAnswer(NamedTuple):
 
     values: dict[str, float]
     drawing: PlateDrawing
+    handled: Handled | None
     rows: list[Row]
     doubts: list[str]
     seconds: float
@@ -113,7 +115,9 @@ class Session:
         drawing = drawing_of(mechanism.layout)
         rows = rows_by_model(mechanism, "analytic")
         doubts = assumptions_said(mechanism.assumed, mechanism.not_stated)
-        self.answer = LiveAnswer(dict(values), drawing, rows, doubts, perf_counter() - began)
+        self.answer = LiveAnswer(
+            dict(values), drawing, handled(mechanism), rows, doubts, perf_counter() - began
+        )
         self.mechanism = mechanism
         self.fault = None
 

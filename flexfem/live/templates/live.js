@@ -4,6 +4,7 @@ const SVG = "http://www.w3.org/2000/svg";
 const OUTPUT_SIZE = 0.012; // of the drawing
 let state = null; // the last one that was sent
 let values = {}; // of the sliders, by key path
+let handledText = ""; // what is drawn
 let waiting = false; // for the answer to a change
 let pending = false; // whether sliders moved since then
 
@@ -16,8 +17,14 @@ function element(name, attributes, parent) {
   return made;
 }
 
-function draw(drawing) {
+function draw(drawing, handled) {
   const svg = at("drawing");
+  svg.toggleAttribute("hidden", handled !== null);
+  at("handle").hidden = handled === null;
+  if (handled !== null) {
+    new Handle(at("handle"), handled);
+    return;
+  }
   svg.replaceChildren();
   const [left, low, width, height] = drawing.box;
   svg.setAttribute("viewBox", `${left} ${-(low + height)} ${width} ${height}`);
@@ -61,7 +68,7 @@ function showFault(fault) {
   const box = at("fault");
   box.hidden = fault === null;
   box.replaceChildren();
-  for (const part of [at("rows"), at("drawing")]) part.classList.toggle("stale", fault !== null);
+  for (const part of [at("rows"), at("drawing"), at("handle")]) part.classList.toggle("stale", fault !== null);
   if (fault === null) return;
   box.append(fault.text);
   if (!fault.lines.length) return;
@@ -168,7 +175,10 @@ function show(sent) {
     values = { ...sent.values };
     showSliders();
   }
-  draw(sent.drawing);
+  if (handledText !== JSON.stringify(sent.handled)) {
+    draw(sent.drawing, sent.handled);
+    handledText = JSON.stringify(sent.handled);
+  }
   showRows(sent.rows, sent.elements.rows || []);
   showFault(sent.fault);
   showElements(sent.elements);

@@ -1,0 +1,246 @@
+"""Numbers by which a drawing of a mechanism can be moved: motions, forces and stress per unit load.
+
+They are those of the analytic model with rigid bodies, linear, for pages that answer a hand without
+the server that made them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from flexfem.analytic.plates import compliance_ratios, inertia, moving_bodies, respond
+from flexfem.arrays import Array
+from flexfem.mechanism.layout import Joint, Layout, Patch, Port
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.plate import body_polygon
+from flexfem.mechanism.profiles import SIDES, Profile
+from flexfem.questions.stiffness import Stiffness
+from flexfem.units import DIRECTIONS
+
+MODES = 3  # that are drawn
+SECTIONS = 24  # of a hinge at which its stress is computed
+PIECES = 9  # points between two breaks of the edge of a hinge where it is drawn
+DIGITS = 6  # significant digits of numbers, and
+DECIMALS = 3  # decimals of coordinates, mm, in pages
+
+
+class HandledHinge(NamedTuple):
+    """A hinge: how it is drawn between its bodies, and its stress.
+
+    bodies : indices of `Handled.bodies`, -1 for the ground.   place : x, y, mm.   heading : rad.
+    edges : rows x, upper and lower edge, mm, in its frame.   strength : MPa.
+    stress : (n, k), MPa per unit load on each port, at both edges of some sections.
+    """
+
+    name: str
+    bodies: tuple[int, int]
+    place: list[float]
+    heading: float
+    edges: list[list[float]]
+    strength: float
+    stress: list[list[float]]
+
+
+class HandledMode(NamedTuple):
+    """A natural mode: its frequency, Hz, and twists (b, 3) of the bodies at the origin."""
+
+    frequency: float
+    twists: list[list[float]]
+
+
+class HandledActuator(NamedTuple):
+    """An actuator: its ends x1, y1, x2, y2, mm, its bodies, and its free stroke, mm."""
+
+    name: str
+    ends: list[float]
+    bodies: tuple[int, int]
+    stroke: float
+
+
+class HandledRange(NamedTuple):
+    """Ends of the range of the output in one direction, mm or rad, and what limits each."""
+
+    low: float
+    high: float
+    below: str
+    above: str
+
+
+class Handled(NamedTuple):
+    """A mechanism that can be moved. Ports are x, y, theta of the output, then the actuators.
+
+    box : left, low, width, height, mm.   ground, bodies : paths in the notation of SVG.
+    output : x, y, mm.   output_body : its index.   compliance : (k, k), of the ports.
+    twists : (b, 3, k), of the bodies at the origin, per unit load on each port.
+    range : of x, y and theta, the other directions free; empty where it is not known.
+    """
+
+    box: list[float]
+    ground: list[str]
+    bodies: list[str]
+    hinges: list[HandledHinge]
+    actuators: list[HandledActuator]
+    output: list[float]
+    output_body: int
+    compliance: list[list[float]]
+    twists: list[list[list[float]]]
+    modes: list[HandledMode]
+    range: list[HandledRange]
+
+
+def handled(mechanism: Mechanism, at_rest: Stiffness | None = None) -> Handled | None:
+    """Return the numbers by which a mechanism can be moved.
+
+    It is None for a plate without hinges, and for a mechanism whose file has an analytic model of
+    its own, whose numbers differ from those of the network of the layout.
+
+    at_rest : the answer of `stiffness`, whose ranges at finite displacement end the motion; without
+    it the motion ends where a hinge yields by linear theory.
+    """
+    layout = mechanism.layout
+    if not layout.joints or mechanism.answering("stiffness") is not None:
+        return None
+    moving = moving_bodies(layout)
+    kept = [*range(3), *layout.drive_ports]  # of the output and of the actuators
+    ports = [layout.ports[index] for index in kept]
+    of_bodies = [_port_of_body(body, row) for body in moving for row in range(3)]
+    found = respond(layout, ports=[*ports, *of_bodies])
+    k = len(ports)
+    shapes = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
+    left, low, right, high = shapely.total_bounds(np.array(shapes))
+    number = {body: index for index, body in enumerate(moving)}
+    output = layout.points[0][1]
+    wide = compliance_ratios(layout)[:, :, None] * found.wrenches[:, :, :k]
+    return Handled(
+        box=_rounded(np.array([left, low, right - left, high - low])),
+        ground=[_path(shape) for index, shape in enumerate(shapes) if index not in number],
+        bodies=[_path(shapes[body]) for body in moving],
+        hinges=[
+            _hinge(layout, joint, number, wrenches)
+            for joint, wrenches in zip(layout.joints, wide, strict=True)
+        ],
+        actuators=_actuators(layout, number),
+        output=[output.point.real, output.point.imag],
+        output_body=number[output.body],
+        compliance=_significant(found.compliance[:k, :k]),
+        twists=_significant(found.compliance[k:, :k].reshape(-1, 3, k)),
+        modes=_modes(layout, len(moving)),
+        range=[] if at_rest is None else _ranges(at_rest),
+    )
+
+
+def _port_of_body(body: int, row: int) -> Port:
+    """Return the port of one component of the twist of a body at the origin."""
+    unit = tuple(np.eye(3)[row].tolist())
+    return Port(f"body {body} {row}", row == 2, ((Patch(body, 0j), unit),))
+
+
+def _hinge(layout: Layout, joint: Joint, number: dict[int, int], wrenches: Array) -> HandledHinge:
+    profile = joint.profile
+    breaks = np.unique(np.array(profile.breaks, dtype=float))
+    x = np.unique(np.linspace(breaks[:-1], breaks[1:], PIECES))
+    middle = profile.middle(x)
+    half = profile.height(x) / 2
+    material = layout.material_of(joint)
+    first, second = (number.get(body, -1) for body in joint.bodies)
+    return HandledHinge(
+        name=joint.name,
+        bodies=(first, second),
+        place=_rounded(np.array([joint.place.real, joint.place.imag])),
+        heading=joint.heading,
+        edges=[_rounded(row) for row in np.column_stack([x, middle + half, middle - half])],
+        strength=material.yield_strength,
+        stress=_significant(
+            _edge_stress(profile, layout.thickness, material.out_of_plane) @ wrenches
+        ),
+    )
+
+
+def _edge_stress(profile: Profile, thickness: float, out_of_plane: float) -> Array:
+    """Return the von Mises stress (n, 3) at both edges of some sections per unit wrench.
+
+    With the sign of the stress along the edge, so that it adds; see `Profile.stress`.
+    """
+    sections = np.unique(profile.sections)
+    chosen = np.unique(np.linspace(0, len(sections) - 1, SECTIONS).round().astype(int))
+    x = np.union1d(sections[chosen], [profile.neck_place])
+    area = thickness * profile.height(x)
+    arm = x - profile.neck_place
+    von_mises = np.sqrt(1 - out_of_plane + out_of_plane**2)
+    found = list[Array]()
+    for side in SIDES:
+        K = profile.concentration(x, side)
+        lever = 6 * side / profile.height(x)
+        of_moment = lever * K.bending
+        of_tension = K.tension + of_moment * profile.middle(x)
+        of_shear = -of_moment * profile.neck_place - lever * arm * K.shear
+        rows = np.broadcast_arrays(of_tension, of_shear, of_moment)
+        found.append(von_mises * np.column_stack(rows) / area[:, None])
+    return np.concatenate(found)
+
+
+def _actuators(layout: Layout, number: dict[int, int]) -> list[HandledActuator]:
+    found = list[HandledActuator]()
+    for actuator in layout.actuators:
+        near, far = actuator.contacts
+        ends = [near.point.real, near.point.imag, far.point.real, far.point.imag]
+        bodies = (number.get(near.body, -1), number.get(far.body, -1))
+        found.append(HandledActuator(actuator.name, ends, bodies, actuator.stroke))
+    return found
+
+
+def _modes(layout: Layout, bodies: int) -> list[HandledMode]:
+    """Return the lowest modes of the mechanism with its payloads."""
+    ports, M = inertia(layout)
+    C = respond(layout, ports=ports).compliance
+    L = np.linalg.cholesky(M)
+    squares, vectors = np.linalg.eigh(L.T @ C @ L)  # 1 / omega^2, and L' q
+    found = list[HandledMode]()
+    for k in range(1, min(MODES, 3 * bodies) + 1):
+        frequency = 1 / (2 * np.pi * np.sqrt(squares[-k]))
+        motion = np.linalg.solve(L.T, vectors[:, -k])
+        twists = motion[: 3 * bodies].reshape(-1, 3)
+        found.append(HandledMode(float(f"{frequency:.5g}"), _significant(twists)))
+    return found
+
+
+def _ranges(at_rest: Stiffness) -> list[HandledRange]:
+    """Return the ranges with the other directions free, and what limits them."""
+    if "range" not in at_rest.values:
+        return []
+    found = list[HandledRange]()
+    for direction in DIRECTIONS:
+        at = {"others": "free", "direction": direction}
+        ends = list[float]()
+        limits = list[str]()
+        for sense in ("negative", "positive"):
+            place = at | {"sense": sense}
+            end = float(at_rest.array_of(at_rest.internal.values, "range", place))
+            ends.append(end if np.isfinite(end) else np.inf)
+            which = int(np.argmax(np.nan_to_num(at_rest.at("range_limit", **place))))
+            limits.append(at_rest.axes["limit"][which])
+        found.append(HandledRange(-abs(ends[0]), abs(ends[1]), limits[0], limits[1]))
+    return found if np.all(np.isfinite([each[:2] for each in found])) else []
+
+
+def _path(shape: Any) -> str:
+    """Return polygons as a path of SVG, mm."""
+    parts = list[str]()
+    for polygon in shapely.get_parts(shape):
+        for ring in (polygon.exterior, *polygon.interiors):
+            points = shapely.get_coordinates(ring)[:-1]
+            text = " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in points)
+            parts.append(f"M{text}Z")
+    return "".join(parts)
+
+
+def _rounded(values: Array) -> list[float]:
+    return [round(float(value), DECIMALS) for value in values]
+
+
+def _significant(values: Array) -> Any:
+    """Return an array as nested lists with few digits, for small pages."""
+    return np.vectorize(lambda value: float(f"{value:.{DIGITS}g}"), otypes=[float])(values).tolist()
