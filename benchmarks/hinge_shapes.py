@@ -22,7 +22,8 @@ from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import hinge_stress, plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import polyline
-from flexfem.mechanism.profiles import Profile, profile_of
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profiles import profile_of
 
 E = 7e4
 NU = 0.3

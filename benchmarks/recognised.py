@@ -28,7 +28,9 @@ from flexfem.importing.recognise import recognise
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.outlines import area
 from flexfem.mechanism.plate import body_polygon
-from flexfem.mechanism.profiles import Profile, Tabulated, profile_of
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profiles import profile_of
+from flexfem.mechanism.tabulated import Tabulated
 from flexfem.refused import BadInput, ComputationFailed
 
 MICROMETRE = 1e-3  # mm

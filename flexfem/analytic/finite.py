@@ -19,7 +19,8 @@ import numpy as np
 from flexfem.analytic.plates import beam_compliances, moving_bodies
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.mechanism.layout import Layout, Port
-from flexfem.mechanism.profiles import SHEAR_CORRECTION, Profile
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_beam import SHEAR_CORRECTION
 from flexfem.refused import ComputationFailed
 
 BEAMS = 8  # of a hinge

@@ -20,7 +20,7 @@ from flexfem.analytic.finite import BEAMS, Beams, BeamState, FinitePlate, divide
 from flexfem.arrays import Array
 from flexfem.mechanism.curves import CurvePoint, Line
 from flexfem.mechanism.layout import Layout, Port
-from flexfem.mechanism.profiles import Profile
+from flexfem.mechanism.profile import Profile
 from flexfem.refused import ComputationFailed
 
 STEPS = 6  # from rest to the displacement at which linear theory yields

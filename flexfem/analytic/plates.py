@@ -28,7 +28,7 @@ from flexfem.hinges.wide import wide_factors
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
 from flexfem.mechanism.outlines import area_moments, inertia_of, integrals, polygon_points, polyline
 from flexfem.mechanism.plate import components, cuts_of
-from flexfem.mechanism.profiles import Profile
+from flexfem.mechanism.profile import Profile
 from flexfem.refused import BadInput, ComputationFailed
 
 ACROSS = np.polynomial.legendre.leggauss(2)  # over the height of a hinge

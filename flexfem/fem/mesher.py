@@ -27,9 +27,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import AnyArray
+from flexfem.mechanism.edges import Bezier, Curve
 from flexfem.mechanism.layout import Move
 from flexfem.mechanism.outlines import Face, Segment, area, reverse
-from flexfem.mechanism.profiles import Bezier, Curve
 from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command
 

@@ -27,7 +27,7 @@ from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem.arrays import Array
-from flexfem.mechanism.profiles import SHEAR_CORRECTION as SHEAR_CORRECTION
+from flexfem.mechanism.profile_beam import SHEAR_CORRECTION as SHEAR_CORRECTION
 from flexfem.sources import read_data
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)  # 1e-12 or better for t/R from 1e-4 upwards

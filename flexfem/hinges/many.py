@@ -14,7 +14,9 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.profiles import MIDPLANE_SHEAR, SHEAR_CORRECTION, SIDES, Profile, Tabulated
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_beam import MIDPLANE_SHEAR, SHEAR_CORRECTION, SIDES
+from flexfem.mechanism.tabulated import Tabulated
 
 AT_ONCE = 256  # designs, whose positions along a hinge stay in the cache of the processor
 STRESSES = 40_000  # that do: designs times sections times wrenches

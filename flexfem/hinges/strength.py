@@ -12,7 +12,7 @@ from flexfem.arrays import Array
 from flexfem.files.quantities import FLATTEST, STEEPEST
 from flexfem.hinges.chart import thickness_chart
 from flexfem.mechanism.materials import SWT, Material, materials
-from flexfem.mechanism.profiles import Concentration, concentration
+from flexfem.mechanism.stress_concentration import Concentration, concentration
 from flexfem.refused import BadInput, printed
 
 

@@ -21,7 +21,8 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.mechanism.profiles import SHEAR_CORRECTION, Profile
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_beam import SHEAR_CORRECTION
 
 ACROSS = (
     6  # polynomials of every field across the width; 8 change compliances by 0.05 % at b/t = 80

@@ -16,7 +16,7 @@ from flexfem.arrays import Array
 from flexfem.hinges.fitted import SmoothFit
 from flexfem.hinges.many import varying
 from flexfem.hinges.wide import wide_factors
-from flexfem.mechanism.profiles import Profile
+from flexfem.mechanism.profile import Profile
 
 ACCURACY = 5e-7  # relative, of a fit that is not refined further
 COARSEST = 5e-6  # relative, of a fit that is used where a higher degree does not help

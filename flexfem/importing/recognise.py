@@ -16,7 +16,8 @@ from flexfem.importing.necks import Neck, necks_of, triangles_of
 from flexfem.importing.shapes import ALLOWED, fits_of
 from flexfem.importing.strips import joined
 from flexfem.mechanism.outlines import Segment, area, circle_of
-from flexfem.mechanism.profiles import Profile, Tabulated
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.tabulated import Tabulated
 
 THIN = 2.7  # width of the narrower body per neck from which a neck is a hinge
 # neck per that of the thinnest hinge, from which it must be thinner compared with its bodies

@@ -26,17 +26,12 @@ from flexfem.importing.strips import (
     ways_of,
     without_flanks,
 )
+from flexfem.mechanism.edges import Bezier, Curve, Ellipse, mapped
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.profiles import (
-    BadDimension,
-    Bezier,
-    Curve,
-    Ellipse,
-    Profile,
-    Tabulated,
-    mapped,
-    profile_of,
-)
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_shape import BadDimension
+from flexfem.mechanism.profiles import profile_of
+from flexfem.mechanism.tabulated import Tabulated
 
 ALLOWED = 1e-3  # mm, largest distance of the edge of a shape from the drawn one
 TABLE = 5e-5  # mm, the same of a table between its rows

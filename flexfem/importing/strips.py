@@ -17,9 +17,9 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.importing.necks import Neck, Place
+from flexfem.mechanism.edges import mapped
 from flexfem.mechanism.layout import PointOrPoints
 from flexfem.mechanism.outlines import SHORTEST, Segment
-from flexfem.mechanism.profiles import mapped
 
 CONVEX = math.radians(
     2.0

@@ -23,7 +23,9 @@ from flexfem.mechanism.layout import (
 )
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
 from flexfem.mechanism.parts import BodyHole, MechanismTables, PlateBody, PlateHinge
-from flexfem.mechanism.profiles import BadDimension, Profile, profile_of
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_shape import BadDimension
+from flexfem.mechanism.profiles import profile_of
 from flexfem.refused import BadInput
 
 GROUND = "ground"  # carries actuators, also where no body has this name

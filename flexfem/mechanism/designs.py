@@ -23,7 +23,9 @@ from flexfem.mechanism.layout import Constants, Move, Patch
 from flexfem.mechanism.layouts import HingeDesigns, InputDesigns, Layouts, Number, Refusal
 from flexfem.mechanism.materials import FATIGUE, Material
 from flexfem.mechanism.parts import Copies, MechanismTables, PlateHinge
-from flexfem.mechanism.profiles import BadDimension, Profile, profile_of
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_shape import BadDimension
+from flexfem.mechanism.profiles import profile_of
 from flexfem.units import without_unit
 
 ENDS = np.array([-0.5, 0.5])  # of the axis of a hinge, per length

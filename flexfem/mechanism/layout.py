@@ -14,7 +14,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.profiles import Profile
+from flexfem.mechanism.profile import Profile
 
 NUMBERS = (
     "stiffness",

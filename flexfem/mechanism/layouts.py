@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray
 from flexfem.mechanism.layout import Constants, Patch
-from flexfem.mechanism.profiles import Profile
+from flexfem.mechanism.profile import Profile
 
 Number: TypeAlias = float | AnyArray
 """A number of all designs, or an array (n,)."""

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.mechanism.edges import Curve, backwards, mapped
 from flexfem.mechanism.layout import Body, Joint, Layout
 from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points, polyline
-from flexfem.mechanism.profiles import FIRST, LEFT, Curve, backwards, mapped
+from flexfem.mechanism.profile_shape import FIRST, LEFT
 from flexfem.refused import BadInput
 
 TOUCHING = 1e-3  # mm; parts at a smaller distance count as one, and their hinge would be lost

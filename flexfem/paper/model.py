@@ -17,7 +17,7 @@ from flexfem.hinges.choice import CALIBRATED as CALIBRATED
 from flexfem.hinges.choice import DEFAULT_FORMULA as DEFAULT_FORMULA
 from flexfem.hinges.strength import Wrench, neck_stress, raised_in_depth, raised_in_plane
 from flexfem.mechanism.content import located
-from flexfem.mechanism.profiles import Concentration
+from flexfem.mechanism.stress_concentration import Concentration
 from flexfem.paper.designs import Designs, lower, stage_frames
 from flexfem.paper.equations import (
     KINDS,

@@ -20,7 +20,8 @@ from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism, of_stage
 from flexfem.mechanism.parts import PlateBody
 from flexfem.mechanism.plate import body_polygon, joint_polygon
-from flexfem.mechanism.profiles import FILE_KEYS, Profile
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_shape import FILE_KEYS
 from flexfem.questions import warnings as warning
 from flexfem.questions.setup import question
 from flexfem.results import Ends

@@ -24,7 +24,8 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.plate import body_polygon, joint_polygon, plate_polygon
-from flexfem.mechanism.profiles import Circular, Leaf, Profile
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profiles import Circular, Leaf
 from flexfem.questions.modes import modes
 from flexfem.questions.stiffness import stiffness
 from flexfem.refused import BadInput

@@ -10,7 +10,8 @@ from flexfem.analytic.network import with_springs
 from flexfem.analytic.plates import body_moments, hinge_inertia, modes, respond, warmed, weighed
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
 from flexfem.mechanism.outlines import polyline
-from flexfem.mechanism.profiles import Circular, Leaf, Tabulated
+from flexfem.mechanism.profiles import Circular, Leaf
+from flexfem.mechanism.tabulated import Tabulated
 from flexfem.refused import ComputationFailed
 
 from ..tolerances import DENSE

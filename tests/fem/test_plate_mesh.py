@@ -23,7 +23,8 @@ from flexfem.fem.ports import plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import Segment, area, disc, polyline, reverse
 from flexfem.mechanism.plate import check_layout, end_lines, has_sharp_corner, joint_polygon
-from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, Tabulated, profile_of
+from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, profile_of
+from flexfem.mechanism.tabulated import Tabulated
 from flexfem.refused import BadInput, ComputationFailed
 
 from ..tolerances import SOLVED

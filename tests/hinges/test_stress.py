@@ -11,7 +11,7 @@ from hinge_charts import SingleHinge, hinge_mesh
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import nodes_on
 from flexfem.hinges.strength import Wrench, neck_stress, raised_in_plane
-from flexfem.mechanism.profiles import Concentration, concentration
+from flexfem.mechanism.stress_concentration import Concentration, concentration
 from flexfem.paper.frames import Frames
 from flexfem.paper.model import at_necks
 

@@ -12,9 +12,9 @@ import shapely
 
 import flexfem as api
 from flexfem.importing.departure import departure, fine_polygon
+from flexfem.mechanism.edges import mapped
 from flexfem.mechanism.layout import Move
 from flexfem.mechanism.outlines import disc, reverse
-from flexfem.mechanism.profiles import mapped
 from flexfem.questions.compare import inverse, moved, registered
 from flexfem.refused import BadInput
 

@@ -29,7 +29,8 @@ from flexfem.mechanism.outlines import (
     reverse,
     rounded,
 )
-from flexfem.mechanism.profiles import Profile, profile_of
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profiles import profile_of
 
 from ..conftest import ROOT
 

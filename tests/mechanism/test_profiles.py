@@ -13,23 +13,21 @@ from scipy.interpolate import BPoly
 
 from flexfem.hinges.formulas import formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
+from flexfem.mechanism.edges import Bezier, Ellipse, mapped
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_shape import BadDimension
 from flexfem.mechanism.profiles import (
     SHAPES,
-    BadDimension,
-    Bezier,
     Circular,
-    Ellipse,
     Elliptical,
     Leaf,
     Parabolic,
-    Profile,
     Segment,
-    Tabulated,
     Vee,
-    mapped,
     profile_of,
-    shoulder,
 )
+from flexfem.mechanism.stress_concentration import shoulder
+from flexfem.mechanism.tabulated import Tabulated
 
 TAPER = (
     (2.0, 1.0),
