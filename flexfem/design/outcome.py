@@ -52,146 +52,176 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
     """Return the best stage that meets the requirements, or the one with the least violation.
 
     Raises ComputationFailed when finite elements of a proposed design fail, BadInput when no design
-    has a solution."""
+    has a solution.
+    """
     rounds, agreed = space_mapping(Model(loaded, counts=solver.counts, say=solver.say), solver)
     _, best, last = rounds[-1]
     model = last.model
     required = loaded.requirements
-    space = last.model.space
+    space = model.space
     solver.say("sensitivities")
     requirements = _requirements(rounds[-1])
-    stage = designed_stage(loaded, last.values)
+    mechanism = designed_stage(loaded, last.values)
     feasible = all(each.verdict != "missed" for each in requirements)
     alternatives = list[record.SoleRelaxation]()
-    front = list[record.FrontDesign]()
     if best.merit >= MISSED and not feasible:
         alternatives = relaxations(replace(model, guard=0.0), last.values)
-    if len(required.objective) > 1 and best.merit < MISSED:
-        designs = front_of(model, best.relaxed, required.front)
-        front = [_front_design(proof(model, solver, values)) for values in designs]
-    coordinates = zip(space.names, space.listed, space.to_unit(best.relaxed[None])[0], strict=True)
-    history = rounds[0].best.history
-    shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
     return record.Designed(
         name=required.name,
         file=str(loaded.path),
         base=required.stage,
-        hash=stage.hash,
+        hash=mechanism.hash,
         seed=required.seed,
         accuracy_percent=required.accuracy_percent,
         design=space.named(last.values),
         units={column.name: factor(column).unit for column in loaded.columns},
         relaxed=space.named(best.relaxed),
-        stage=stage.to_toml(),
+        stage=mechanism.to_toml(),
         feasible=feasible,
         agreed=agreed,
-        objectives=[
-            record.Goal(
-                **_quantity(last, k, objective),
-                better="larger" if objective.sign < 0 else "smaller",
-            )
-            for k, objective in enumerate(required.objective)
-        ],
+        objectives=_objectives(last),
         requirements=requirements,
         alternatives=alternatives,
-        at_ends=[name for name, listed, u in coordinates if not listed and not END < u < 1 - END],
+        at_ends=_at_ends(model, best.relaxed),
         sensitivities=_sensitivities(last),
-        rounds=[
-            record.Round(
-                design=space.named(b.values),
-                gap_percent=100 * verified.gap,
-                evaluations=b.history[-1][0],
-            )
-            for _, b, verified in rounds
-        ],
-        front=front,
+        rounds=[_round(each) for each in rounds],
+        front=_front(rounds[-1], solver),
         scattered=_scattered(last),
-        history=[
-            record.Step(**dict(zip(record.Step.model_fields, history[k], strict=True)))
-            for k in shown
-        ],
+        history=_history(rounds[0]),
         evaluations=dict(sorted(solver.counts.items())),
         versions=dict(versions()),
         warnings=_warnings(loaded, rounds, agreed),
-        **replace(loaded, base=stage).assumptions._asdict(),
+        **replace(loaded, base=mechanism).assumptions._asdict(),
     )
 
 
-def designed_stage(loaded: LoadedRequirements, values: Array) -> Mechanism:
-    """Return the plate of a design (d,); the provenance of its free dimensions is the design, else
-    that of the base.
+def _objectives(last: Proof) -> list[record.Goal]:
+    goals = []
+    for k, objective in enumerate(last.model.required.objective):
+        better = "larger" if objective.sign < 0 else "smaller"
+        goals.append(record.Goal(**_quantity(last, k, objective), better=better))
+    return goals
+
+
+def _at_ends(model: Model, relaxed: Array) -> list[str]:
+    """Return the dimensions with a range whose optimum without steps is at an end of it."""
+    space = model.space
+    places = zip(space.names, space.listed, space.to_unit(relaxed[None])[0], strict=True)
+    return [name for name, listed, u in places if not listed and not END < u < 1 - END]
+
+
+def _round(proposal: Proposal) -> record.Round:
+    return record.Round(
+        design=proposal.proof.model.space.named(proposal.best.values),
+        gap_percent=100 * proposal.proof.gap,
+        evaluations=proposal.best.history[-1][0],
+    )
+
+
+def _front(proposal: Proposal, solver: ElementSolver) -> list[record.FrontDesign]:
+    """Return the front of two objectives, solved by finite elements; none without a feasible
+    design.
     """
-    base = loaded.base
-    stage = mechanism_of(loaded, values)
+    model = proposal.proof.model
+    if len(model.required.objective) == 1 or proposal.best.merit >= MISSED:
+        return []
+    designs = front_of(model, proposal.best.relaxed, model.required.front)
+    return [_front_design(proof(model, solver, values)) for values in designs]
+
+
+def _history(first: Proposal) -> list[record.Step]:
+    """Return at most `SHOWN` steps of the first search."""
+    history = first.best.history
+    shown = np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int)
+    steps = [history[k] for k in np.unique(shown)]
+    return [record.Step(evaluations=n, objective=best, missed=missed) for n, best, missed in steps]
+
+
+def designed_stage(loaded: LoadedRequirements, values: Array) -> Mechanism:
+    """Return the mechanism of a design (d,); the provenance of its free dimensions is the design,
+    else that of the base.
+    """
     required = loaded.requirements
     source = f"designed: {required.name}, seed {required.seed}"
-    sources = dict(base.provenance)
+    sources = dict(loaded.base.provenance)
     members = dict[str, list[int]]()
-    for path in (path for column in loaded.columns for path in column.keys):
+    for path in loaded.family.set_paths:
         *table, last = path_of(path)
         if isinstance(last, int):
             members.setdefault(key_path(tuple(table)), []).append(last)
         else:
             sources[path] = source
-    for path, indices in members.items():  # a source stays assumed if other members still are
-        before = base.sources.get(path) or "not stated"
-        lead = "assumed in part" if is_assumed(before) else "in part"
-        sources[path] = (
-            f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
-        )
+    for path, indices in members.items():
+        sources[path] = _source_of_array(loaded.base, path, indices, source)
     provenance = {path: one_line(text, LABEL_LENGTH) for path, text in sources.items()}
-    return stage.model_copy(update={"name": required.name, "provenance": provenance})
+    changes = {"name": required.name, "provenance": provenance}
+    return mechanism_of(loaded, values).model_copy(update=changes)
+
+
+def _source_of_array(base: Mechanism, path: str, indices: list[int], source: str) -> str:
+    """Return the source of an array some of whose members are designed; it stays assumed if other
+    members still are.
+    """
+    before = base.sources.get(path) or "not stated"
+    lead = "assumed in part" if is_assumed(before) else "in part"
+    return f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
 
 
 def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Checked:
     """Return the model that gives the value of a quantity, by all names that it uses."""
     required = loaded.requirements
-    solid = loaded.solid
-    unchecked = (
-        PLANE_ALONE | {name for name in names if name.startswith(("life_", "safety_"))}
-        if solid
-        else set[str]()
-    )
-    unchecked |= (
-        {*SCATTERED}
-        if required.tolerance is None or not required.tolerance.checked or solid
-        else set()
-    )
+    unchecked = set[str]()
+    if loaded.solid:
+        unchecked |= PLANE_ALONE
+        unchecked |= {name for name in names if name.startswith(("life_", "safety_"))}
+    if required.tolerance is None or not required.tolerance.checked or loaded.solid:
+        unchecked |= {*SCATTERED}
     if names & unchecked:
         return "analytic model alone"
     if not names & {*required.outputs, *outputs.ERRORS, *SCATTERED}:
         return "exact"  # mass and envelope of the drawing, dimensions themselves
-    return "finite elements in three dimensions" if solid else "finite elements"
+    return "finite elements in three dimensions" if loaded.solid else "finite elements"
 
 
 def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[str, Any]:
     """Return the fields of `Stated` for the quantity with index `k`."""
-    model = verified.model
     loaded = verified.model.loaded
     required = loaded.requirements
     quantity = requested.quantity
     names = required.names_of(quantity)
     by = checked_by(loaded, names)
     sampled = bool(names & {*SCATTERED})
-    spread = None
-    if names & {*outputs.ENGAGED}:
-        columns = {name: np.full(2, value) for name, value in verified.columns.items()}
-        for name, share in model.kind.relative_spread(verified.values).items():
-            columns[name] *= (1 - share, 1 + share)
-        spread = float(np.max(np.abs(model.quantities(columns)[:, k] - verified.elements[k])))
-    both = verified.elements[k], verified.uncorrected[k]
-    value, uncorrected = (float(x) if abs(x) > verified.round_off[k] else 0.0 for x in both)
+    banded = sampled or by.startswith("finite")
     return {
         "name": quantity,
         "label": required.title_of(requested),
         "unit": axis_of(loaded, quantity).unit if quantity in names else "",
-        "value": value,
-        "band": float(verified.bands[k]) if sampled or by.startswith("finite") else None,
+        "value": _without_round_off(verified, k, verified.elements),
+        "band": float(verified.bands[k]) if banded else None,
         "sampling": float(verified.sampling[k]) if sampled else None,
-        "uncorrected": uncorrected,
+        "uncorrected": _without_round_off(verified, k, verified.uncorrected),
         "checked_by": by,
-        "push_spread": spread,
+        "push_spread": _push_spread(verified, k, names),
     }
+
+
+def _without_round_off(verified: Proof, k: int, quantities: Array) -> float:
+    value = float(quantities[k])
+    return value if abs(value) > verified.round_off[k] else 0.0
+
+
+def _push_spread(verified: Proof, k: int, names: frozenset[str]) -> float | None:
+    """Return the change of a quantity with the spread of actuator forces; None without engaged
+    stiffness in it.
+    """
+    if not names & {*outputs.ENGAGED}:
+        return None
+    model = verified.model
+    columns = {name: np.full(2, value) for name, value in verified.columns.items()}
+    for name, share in model.kind.relative_spread(verified.values).items():
+        columns[name] *= (1 - share, 1 + share)
+    moved = model.quantities(columns)[:, k] - verified.elements[k]
+    return float(np.max(np.abs(moved)))
 
 
 def _requirements(last: Proposal) -> list[record.Requirement]:

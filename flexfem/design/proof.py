@@ -32,6 +32,7 @@ from flexfem.results import ANALYTIC, ELEMENTS, Progress
 from flexfem.results import SOLID as SOLID_ELEMENTS
 from flexfem.study import columns as outputs
 from flexfem.study.loaded import LoadedStudy, mechanism_of
+from flexfem.study.tables import DriveQuestion
 from flexfem.study.workers import ExecutorWorkers, Failure, Workers, versions_of
 
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
@@ -132,69 +133,74 @@ class ElementSolver:
     ) -> LoadedStudy:
         """Return the study that solves a stage on one mesh, with other changes."""
         required = self.loaded.requirements
-        solid = self.loaded.solid
-        model = (
-            "three_dimensional"
-            if solid
-            else "verify"
-            if required.used & {*outputs.ERRORS}
-            else "fe"
-        )
         settings: dict[str, Any] = {
-            "model": model,
+            "model": self._model,
             "resolution": resolution,
             "layers": layers,
             "bands": False,
-        }
-        settings |= {
             "links": False,
             "mobility": None,
             "formula": required.paper_formula,
             "check": None,
-        }
-        elements = SOLID_ELEMENTS if self.loaded.base.model == "three_dimensional" else ELEMENTS
-        by_mesh = f".{elements.replace(' ', '_')}"
-        settings |= {
             "time_limit": LIMIT,
-            "ask": tuple(MODEL.sub(by_mesh, path) for path in required.ask),
+            "ask": tuple(MODEL.sub(self._elements_in_path, path) for path in required.ask),
         }
-        if solid:
-            drive = (
-                required.drive
-                if required.drive is not None and required.drive.stroke_um is not None
-                else None
-            )
-            drive = drive and drive.model_copy(update={"actuators": False})
-            settings |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
-        study = self.loaded
-        return replace(study, study=study.study.model_copy(update=settings | dict(changes)))
+        if self.loaded.solid:
+            settings |= {"frequencies": None, "life": None, "drift": None, "drive": self._travel}
+        study = self.loaded.study.model_copy(update=settings | dict(changes))
+        return replace(self.loaded, study=study)
+
+    @property
+    def _model(self) -> str:
+        """Model of the studies."""
+        if self.loaded.solid:
+            return "three_dimensional"
+        return "verify" if self.loaded.requirements.used & {*outputs.ERRORS} else "fe"
+
+    @property
+    def _elements_in_path(self) -> str:
+        """The finite elements in the path of a number."""
+        solid = self.loaded.base.model == "three_dimensional"
+        return f".{(SOLID_ELEMENTS if solid else ELEMENTS).replace(' ', '_')}"
+
+    @property
+    def _travel(self) -> DriveQuestion | None:
+        """The stroke that rotates base hinges only, without the actuators."""
+        drive = self.loaded.requirements.drive
+        if drive is None or drive.stroke_um is None:
+            return None
+        return drive.model_copy(update={"actuators": False})
 
     def _solved(self, tasks: list[tuple[LoadedStudy, Mechanism]]) -> list[list[float]]:
         """Return the rows of outputs of the tasks; tasks with a known or stored result are not
         solved again.
         """
-        names = {
-            id(task): digest(
-                [task[0].study.model_dump(mode="json"), task[1].to_toml(), dict(versions_of())]
-            )
-            for task in tasks
-        }
+        names = {id(task): _name_of(*task) for task in tasks}
         for name in names.values():
-            if name not in self._known and self.folder is not None:
-                with suppress(OSError, ValueError, RecursionError):  # no file, or a torn one
-                    self._known[name] = json.loads((self.folder / f"{name}.json").read_text())
+            self._recall(name)
         waiting = [task for task in tasks if names[id(task)] not in self._known]
-        queue = iter(waiting)
-        rows: Iterable[tuple[Any, Row]] = ((task, solved(*task)) for task in waiting)
-        if self.workers is not None:
-            rows = self.workers.results(solved, lambda: next(queue, None), lambda task: LIMIT)
-        for done, (task, row) in enumerate(rows, 1):
+        for done, (task, row) in enumerate(self._rows_of(waiting), 1):
             if isinstance(row, Failure):
                 raise ComputationFailed(f"finite elements of a proposed design: {row.reason}")
             self._keep(names[id(task)], row)
             self.say(f"finite elements: {done} of {len(waiting)} solutions")
         self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] = len(self._known)
         return [self._known[name] for name in names.values()]
+
+    def _rows_of(
+        self, tasks: list[tuple[LoadedStudy, Mechanism]]
+    ) -> Iterable[tuple[Any, list[float] | Failure]]:
+        """Yield tasks with their rows, in the order of completion."""
+        if self.workers is None:
+            return ((task, solved(*task)) for task in tasks)
+        queue = iter(tasks)
+        return self.workers.results(solved, lambda: next(queue, None), lambda task: LIMIT)
+
+    def _recall(self, name: str) -> None:
+        """Read the stored result of a task, where there is one."""
+        if name not in self._known and self.folder is not None:
+            with suppress(OSError, ValueError, RecursionError):  # no file, or a torn one
+                self._known[name] = json.loads((self.folder / f"{name}.json").read_text())
 
     def _keep(self, name: str, row: list[float]) -> None:
         """Keep the result of a task; a folder that refuses files is reported when the final results
@@ -206,6 +212,12 @@ class ElementSolver:
                 path = self.folder / f"{name}.json"
                 text = json.dumps(row)
                 write_atomically(path, lambda file: file.write(text.encode()), again=True)
+
+
+def _name_of(loaded: LoadedStudy, mechanism: Mechanism) -> str:
+    """Return the name under which the result of a task is kept."""
+    study = loaded.study.model_dump(mode="json")
+    return digest([study, mechanism.to_toml(), dict(versions_of())])
 
 
 class Proof(NamedTuple):
@@ -250,28 +262,27 @@ def space_mapping(model: Model, solver: ElementSolver) -> tuple[list[Proposal], 
     when no design has a solution."""
     accuracy = model.required.accuracy_percent / 100
     limited = model.sizes > 0
-    room = ROOM if model.space.continuous.any() else (0.0,)
+    sizes = np.where(limited, model.sizes, 1.0)
+    unguarded = np.zeros(len(limited))
+    # parts of the accuracy that are added to the bands, tried in turn
+    shares = ROOM if model.space.continuous.any() else (0.0,)
     rounds = list[Proposal]()
-    guards = [np.zeros(len(limited))]
-    bands = np.zeros(len(limited))
+    guards = [unguarded]
+    bands = unguarded
     near = None
     everywhere = True
     for _ in range(ROUNDS):
         model, best = _guarded(model, guards, near, everywhere)
         last = proof(model, solver, best.values)
-        near = best.values
         side = -1.0 if rounds and not np.any(model.guard) else 1.0
         rounds.append(Proposal(model, best, last))
-        everywhere = last.gap > LOCAL or best.merit >= MISSED
         if last.gap <= accuracy and (best.merit >= MISSED or keeps_ends(last, side)):
             return rounds, True
-        bands[limited] = np.maximum(bands, last.bands / np.where(limited, model.sizes, 1.0))[
-            limited
-        ]
-        guards = [
-            *(np.where(limited, bands + k * accuracy, 0.0) for k in room),
-            np.zeros(len(limited)),
-        ]
+        near = best.values
+        everywhere = last.gap > LOCAL or best.merit >= MISSED
+        bands = np.where(limited, np.maximum(bands, last.bands / sizes), 0.0)
+        guards = [np.where(limited, bands + share * accuracy, 0.0) for share in shares]
+        guards.append(unguarded)
         model = last.model
     return rounds, False
 
@@ -284,13 +295,15 @@ def _guarded(
     """
     optima = list[tuple[Model, BestDesign]]()
     for guard in guards:
-        optima.append(
-            (guarded := replace(model, guard=guard), best := optimum(guarded, near, everywhere))
-        )
+        guarded = replace(model, guard=guard)
+        best = optimum(guarded, near, everywhere)
+        optima.append((guarded, best))
         if best.merit < MISSED:
-            return guarded, best
+            break
         near = best.values
-    return optima[0]
+    else:
+        return optima[0]
+    return optima[-1]
 
 
 def keeps_ends(verified: Proof, side: float = 1.0) -> bool:
@@ -308,78 +321,105 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
     with them there.
 
     The band of a quantity is its largest change where every column that it uses is at an end of its
-    band."""
+    band.
+    """
     solved_columns, widths = solver.columns(values)
     sampled = model.kind.quantiles(values, solver, model.counts)
-    of_model = model.columns(values[None])[0]
-    analytic = {name: float(column[0]) for name, column in of_model.items()}
+    by_model = model.columns(values[None])[0]
+    analytic = {name: float(column[0]) for name, column in by_model.items()}
     half_widths = dict[str, float]()
     uncorrected = analytic
     if sampled is not None:
         half_widths = named(sampled.half_widths)
         uncorrected = analytic | named(sampled.others)
         solved_columns = solved_columns | named(sampled.elements[-1])
-        if len(sampled.factors) > 1:
-            both = zip(SCATTERED, sampled.elements.T, strict=True)
-            widths = widths | {
-                name: mesh_band(np.array(SCATTER, float), row, 0.0) for name, row in both
-            }
-    columns = analytic | solved_columns
-
-    def quantities(of: Mapping[str, float]) -> Array:
-        return np.asarray(
-            model.quantities({name: np.array([value]) for name, value in of.items()})[0]
-        )
-
-    q = quantities(columns)
-
-    def moved(widths: Mapping[str, float], signs: Iterable[float]) -> Array:
-        return quantities(
-            columns | {n: columns[n] + s * widths[n] for n, s in zip(widths, signs, strict=True)}
-        )
-
-    def effect(widths: Mapping[str, Any]) -> Array:
-        """Return the largest change (q,) of each quantity with some columns at either end of their
-        widths.
-        """
-        widths = {name: float(width) for name, width in widths.items() if name in columns}
-        alone = np.eye(len(widths))
-        slopes = [np.where(moved(widths, signs) < moved(widths, -signs), -1, 1) for signs in alone]
-        ends = [
-            [moved(widths, side * signs)[k] for side in (-1, 1)]
-            for k, signs in enumerate(np.transpose(slopes))
-        ]
-        return np.max(np.abs(ends - q[:, None]), axis=1) if ends else 0.0 * q
-
-    round_off = ROUND_OFF * effect(
-        outputs.sizes_of({name: np.array(x) for name, x in columns.items()})
+        widths = widths | _widths_of_factors(sampled)
+    found = _Columns(model, analytic | solved_columns)
+    sizes = outputs.sizes_of({name: np.array(x) for name, x in found.columns.items()})
+    round_off = ROUND_OFF * found.effect(sizes)
+    sampling = found.effect(half_widths)
+    bands = np.maximum(found.effect(widths), ROUND_OFF_RATIO * round_off)
+    predicted = _quantities(
+        model, {name: float(x[0]) for name, x in model.corrected(by_model).items()}
     )
-    sampling = effect(half_widths)
-    bands = np.maximum(effect(widths), ROUND_OFF_RATIO * round_off)
-    predicted = quantities({name: float(x[0]) for name, x in model.corrected(of_model).items()})
-    size = np.maximum(np.abs(q), model.sizes)
-    difference = np.abs(predicted - q)
-    zero = (
-        np.maximum(np.abs(q), difference) <= bands
-    )  # objectives that neither meshes nor model distinguish from zero
-    zero[len(model.signs) :] = False
     by = {
-        n: correction_of(analytic[n], value) for n, value in solved_columns.items() if n in analytic
+        name: correction_of(analytic[name], value)
+        for name, value in solved_columns.items()
+        if name in analytic
     }
     return Proof(
         values=values,
         predicted=predicted,
-        uncorrected=quantities(uncorrected),
-        elements=q,
+        uncorrected=_quantities(model, uncorrected),
+        elements=found.quantities,
         bands=bands + sampling,
         sampling=sampling,
         round_off=round_off,
-        gap=float(np.max(np.where(zero, 0.0, difference) / np.where(size > 0, size, 1.0))),
+        gap=_gap(model, predicted, found.quantities, bands),
         model=replace(model, corrections=by),
-        columns=columns,
+        columns=found.columns,
         analytic=analytic,
         scattered=sampled,
     )
+
+
+def _widths_of_factors(sampled: CouplingQuantiles) -> dict[str, float]:
+    """Return the mesh bands of couplings under tolerance, none without finite elements."""
+    if len(sampled.factors) <= 1:
+        return {}
+    resolutions = np.array(SCATTER, float)
+    by_name = zip(SCATTERED, sampled.elements.T, strict=True)
+    return {name: mesh_band(resolutions, row, 0.0) for name, row in by_name}
+
+
+def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
+    """Return the quantities (q,) of the columns of one design."""
+    one = {name: np.array([value]) for name, value in columns.items()}
+    return np.asarray(model.quantities(one)[0])
+
+
+def _gap(model: Model, predicted: Array, elements: Array, bands: Array) -> float:
+    """Return the largest difference between prediction and finite elements over the sizes."""
+    size = np.maximum(np.abs(elements), model.sizes)
+    difference = np.abs(predicted - elements)
+    # objectives that neither meshes nor model distinguish from zero
+    zero = np.maximum(np.abs(elements), difference) <= bands
+    zero[len(model.signs) :] = False
+    return float(np.max(np.where(zero, 0.0, difference) / np.where(size > 0, size, 1.0)))
+
+
+class _Columns:
+    """Columns of a verified design, and its quantities (q,)."""
+
+    def __init__(self, model: Model, columns: dict[str, float]) -> None:
+        self.model = model
+        self.columns = columns
+        self.quantities = _quantities(model, columns)
+
+    def effect(self, widths: Mapping[str, Any]) -> Array:
+        """Return the largest change (q,) of each quantity with some columns at either end of their
+        widths.
+        """
+        widths = {name: float(width) for name, width in widths.items() if name in self.columns}
+        if not widths:
+            return 0.0 * self.quantities
+        slopes = []
+        for alone in np.eye(len(widths)):
+            falls = self._moved(widths, alone) < self._moved(widths, -alone)
+            slopes.append(np.where(falls, -1, 1))
+        ends = [
+            [self._moved(widths, side * signs)[k] for side in (-1, 1)]
+            for k, signs in enumerate(np.transpose(slopes))
+        ]
+        return np.asarray(np.max(np.abs(ends - self.quantities[:, None]), axis=1))
+
+    def _moved(self, widths: Mapping[str, float], signs: Iterable[float]) -> Array:
+        """Return the quantities (q,) with columns moved by their widths times signs."""
+        moved = {
+            name: self.columns[name] + sign * width
+            for (name, width), sign in zip(widths.items(), signs, strict=True)
+        }
+        return _quantities(self.model, self.columns | moved)
 
 
 def column_band(name: str, resolutions: Array, values: Array) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Iterable
 from textwrap import shorten
 from typing import Literal, TypeAlias
 
@@ -24,6 +23,10 @@ Verdict: TypeAlias = Literal["met", "within the band", "missed"]
 Checked: TypeAlias = Literal[
     "finite elements", "finite elements in three dimensions", "analytic model alone", "exact"
 ]
+
+
+LIMITING = "limits the objective"  # heading and entry
+CHECK = ["checked by", "uncorrected model"]  # headings
 
 
 class Record(BaseModel):
@@ -60,13 +63,17 @@ class Stated(Record):
     def formatted(self, plain: bool = False) -> str:
         """Return value, band and unit as text, with the part of sampling in the band."""
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
-        sampling = "" if self.sampling is None else f", of which {self.sampling:.2g} by sampling"
-        spread = (
-            ""
-            if self.push_spread is None
-            else f", ± {self.push_spread:.2g} by the spread of the forces"
-        )
-        return f"{text} {self.unit_text(plain)}".rstrip() + sampling + spread
+        text = f"{text} {self.unit_text(plain)}".rstrip()
+        if self.sampling is not None:
+            text += f", of which {self.sampling:.2g} by sampling"
+        if self.push_spread is not None:
+            text += f", ± {self.push_spread:.2g} by the spread of the forces"
+        return text
+
+    @property
+    def checks(self) -> list[str]:
+        """The model that checked the value, and the value by the uncorrected model."""
+        return [self.checked_by, f"{self.uncorrected:.6g}"]
 
 
 class Goal(Stated):
@@ -95,6 +102,12 @@ class Requirement(Stated):
     def limits(self) -> str:
         """Its ends as text, without unit."""
         return limits_text(self.at_least, self.at_most)
+
+    @property
+    def margin_text(self) -> str:
+        """The margin with its band, per cent."""
+        band = f" ± {self.band_percent:.2g}" if self.band_percent else ""
+        return f"{self.margin_percent:.3g}{band}"
 
 
 class SoleRelaxation(Record):
@@ -228,9 +241,9 @@ class Designed(Record):
             "value without a band is exact, or by the analytic model alone"
         ]
         tight = [
-            f"{r.label} by {r.tightened_percent:.2g} %"
-            for r in self.requirements
-            if r.tightened_percent
+            f"{each.label} by {each.tightened_percent:.2g} %"
+            for each in self.requirements
+            if each.tightened_percent
         ]
         if tight:
             notes.append(
@@ -239,160 +252,140 @@ class Designed(Record):
                 f"difference of model and finite elements: {', '.join(tight)}"
             )
         if self.scattered is not None:
-            share = (
+            notes.append(
                 f"{100 * self.scattered.share:.3g} % of {self.scattered.stages:,} stages with "
-                "scattered necks"
+                "scattered necks meet every requirement, by the corrected model"
             )
-            notes += [
-                f"{share} meet every requirement, by the corrected model",
-                *self.scattered.notes,
-            ]
+            notes += self.scattered.notes
         agreed = "agree" if self.agreed else "do not agree"
-        agreement = (
+        notes.append(
             f"corrected model and finite elements {agreed} within {self.accuracy_percent:g} % at "
             "the design"
         )
-        return [*notes, agreement]
+        return notes
 
     def tables(self, plain: bool = True) -> list[TextTable]:
         """Return the tables of all sections; `plain` for terminals."""
         return [table for tables in self.sections(plain).values() for table in tables]
 
     def sections(self, plain: bool = True) -> dict[str, list[TextTable]]:
-        """Return the tables by section, without empty ones."""
-        sections: dict[str, list[TextTable]] = {}
+        """Return the tables by section, without empty ones; `plain` for terminals."""
+        tables = {
+            "design": [self._dimensions(), self._objectives(plain)],
+            "requirements": [self._margins(plain), self._relaxations()],
+            "sensitivity": [self._sensitivities()],
+            "front": [self._front(plain)],
+            "search": [self._evaluations(), self._rounds()],
+        }
+        filled = {name: [each for each in found if each.rows] for name, found in tables.items()}
+        return {name: found for name, found in filled.items() if found}
 
-        def add(
-            section: str, caption: str, head: list[str], rows: Iterable[list[str]], names: int = 1
-        ) -> None:
-            if filled := list(rows):
-                sections.setdefault(section, []).append(TextTable(head, filled, names, caption))
+    def _dimensions(self) -> TextTable:
+        head = [
+            f"dimension (units of the {self.kind} file)",
+            "designed",
+            "without steps, by the model",
+            "limit",
+        ]
+        rows = []
+        for name, value in self.design.items():
+            limit = "at an end of its range" if name in self.at_ends else ""
+            rows.append([name, f"{value:.6g}", f"{self.relaxed[name]:.6g}", limit])
+        return TextTable(head, rows, 1, "Dimensions of the design")
 
-        limit = "limits the objective"
-        check = ["checked by", "uncorrected model"]
+    def _objectives(self, plain: bool) -> TextTable:
+        head = ["objective", "value", "better", *CHECK]
+        rows = [
+            [goal.label, goal.formatted(plain), goal.better, *goal.checks]
+            for goal in self.objectives
+        ]
+        return TextTable(head, rows, 1, "Objectives")
+
+    def _margins(self, plain: bool) -> TextTable:
+        head = [
+            "requirement",
+            "limits",
+            "value",
+            "verdict",
+            "margin (% of the limit)",
+            LIMITING,
+            *CHECK,
+        ]
+        rows = [
+            [
+                each.label,
+                each.limits,
+                each.formatted(plain),
+                each.verdict,
+                each.margin_text,
+                LIMITING if each.active else "",
+                *each.checks,
+            ]
+            for each in self.requirements
+        ]
+        return TextTable(head, rows, 1, "Requirements with their margins")
+
+    def _relaxations(self) -> TextTable:
+        """The smallest relaxations of missed requirements with the others, then of each alone."""
+        rows = [
+            [each.label, "with the others", f"{each.value:.6g}", f"{-each.margin_percent:.3g}"]
+            for each in self.requirements
+            if each.verdict == "missed"
+        ]
+        for alone in self.alternatives:
+            to = ["not sufficient", ""]
+            if alone.relax_to is not None and alone.percent is not None:
+                to = [f"{alone.relax_to:.6g}", f"{alone.percent:.3g}"]
+            rows.append([alone.requirement, "alone", *to])
+        head = ["requirement", "relaxed", "to", "by (%)"]
+        return TextTable(head, rows, 2, "Smallest relaxations, by the model")
+
+    def _sensitivities(self) -> TextTable:
         labels = {each.name: each.label for each in (*self.requirements, *self.objectives)}
+        rows = []
+        for dimension, changes in self.sensitivities.items():
+            texts = [
+                "not known" if changes[name] is None else f"{changes[name]:+.3g}" for name in labels
+            ]
+            rows.append([dimension, *texts])
+        head = ["dimension", *labels.values()]
+        return TextTable(head, rows, 1, "Change (%) per 1 % increase of a dimension")
+
+    def _front(self, plain: bool) -> TextTable:
         objectives = [goal.label_with_unit(plain) for goal in self.objectives]
-        add(
+        head = [
             "design",
-            "Dimensions of the design",
-            [
-                f"dimension (units of the {self.kind} file)",
-                "designed",
-                "without steps, by the model",
-                "limit",
-            ],
-            (
-                [
-                    name,
-                    f"{value:.6g}",
-                    f"{self.relaxed[name]:.6g}",
-                    "at an end of its range" * (name in self.at_ends),
-                ]
-                for name, value in self.design.items()
-            ),
-        )
-        add(
-            "design",
-            "Objectives",
-            ["objective", "value", "better", *check],
-            (
-                [
-                    goal.label,
-                    goal.formatted(plain),
-                    goal.better,
-                    goal.checked_by,
-                    f"{goal.uncorrected:.6g}",
-                ]
-                for goal in self.objectives
-            ),
-        )
-        add(
+            *self.design,
+            *objectives,
+            *(f"{title}, corrected model" for title in objectives),
+            *(f"margin of {each.label} (%)" for each in self.requirements),
             "requirements",
-            "Requirements with their margins",
-            ["requirement", "limits", "value", "verdict", "margin (% of the limit)", limit, *check],
-            (
-                [
-                    r.label,
-                    r.limits,
-                    r.formatted(plain),
-                    r.verdict,
-                    f"{r.margin_percent:.3g}"
-                    + (f" ± {r.band_percent:.2g}" if r.band_percent else ""),
-                    limit * r.active,
-                    r.checked_by,
-                    f"{r.uncorrected:.6g}",
-                ]
-                for r in self.requirements
-            ),
-        )
-        joint = [
-            (r.label, "with the others", r.value, -r.margin_percent)
-            for r in self.requirements
-            if r.verdict == "missed"
         ]
-        sole = [
-            (relaxed.requirement, "alone", relaxed.relax_to, relaxed.percent)
-            for relaxed in self.alternatives
-        ]
-        add(
-            "requirements",
-            "Smallest relaxations, by the model",
-            ["requirement", "relaxed", "to", "by (%)"],
-            (
+        rows = []
+        for place, point in enumerate(self.front, 1):
+            values = [*point.design.values(), *point.values, *point.predicted]
+            rows.append(
                 [
-                    name,
-                    how,
-                    *(
-                        ["not sufficient", ""]
-                        if to is None or by is None
-                        else [f"{to:.6g}", f"{by:.3g}"]
-                    ),
-                ]
-                for name, how, to, by in (*joint, *sole)
-            ),
-            2,
-        )
-        add(
-            "sensitivity",
-            "Change (%) per 1 % increase of a dimension",
-            ["dimension", *labels.values()],
-            (
-                [name, *("not known" if row[key] is None else f"{row[key]:+.3g}" for key in labels)]
-                for name, row in self.sensitivities.items()
-            ),
-        )
-        add(
-            "front",
-            "Pareto front of both objectives, solved by finite elements",
-            [
-                "design",
-                *self.design,
-                *objectives,
-                *(f"{title}, corrected model" for title in objectives),
-                *(f"margin of {r.label} (%)" for r in self.requirements),
-                "requirements",
-            ],
-            (
-                [
-                    str(k),
-                    *(
-                        f"{x:.6g}"
-                        for x in (*point.design.values(), *point.values, *point.predicted)
-                    ),
-                    *(f"{x:.3g}" for x in point.margins_percent),
+                    str(place),
+                    *(f"{value:.6g}" for value in values),
+                    *(f"{margin:.3g}" for margin in point.margins_percent),
                     "met" if point.met else "not met",
                 ]
-                for k, point in enumerate(self.front, 1)
-            ),
-        )
-        counts = ([name, f"{count:,}"] for name, count in self.evaluations.items())
-        add("search", "Evaluations", ["model", "designs"], counts)
-        rounds = (
-            [str(k), f"{r.evaluations:,}", f"{r.gap_percent:.3g}"]
-            for k, r in enumerate(self.rounds, 1)
-        )
-        add("search", "Rounds", ["round", "designs by the model", "largest difference (%)"], rounds)
-        return sections
+            )
+        caption = "Pareto front of both objectives, solved by finite elements"
+        return TextTable(head, rows, 1, caption)
+
+    def _evaluations(self) -> TextTable:
+        rows = [[name, f"{count:,}"] for name, count in self.evaluations.items()]
+        return TextTable(["model", "designs"], rows, 1, "Evaluations")
+
+    def _rounds(self) -> TextTable:
+        rows = [
+            [str(place), f"{each.evaluations:,}", f"{each.gap_percent:.3g}"]
+            for place, each in enumerate(self.rounds, 1)
+        ]
+        head = ["round", "designs by the model", "largest difference (%)"]
+        return TextTable(head, rows, 1, "Rounds")
 
     @property
     def decisive(self) -> list[Stated]:

@@ -9,12 +9,13 @@ from concurrent.futures import Executor
 from contextlib import nullcontext, suppress
 from glob import escape
 from pathlib import Path
+from typing import Any
 
 from flexfem.arguments import integer
 from flexfem.design.model import silent
 from flexfem.design.outcome import designed
 from flexfem.design.proof import ElementSolver
-from flexfem.design.requirements import load_requirements
+from flexfem.design.requirements import LoadedRequirements, load_requirements
 from flexfem.design.result import Designed
 from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
@@ -24,7 +25,7 @@ from flexfem.results import write_sealed
 from flexfem.study import MOST_WORKERS
 from flexfem.study.workers import workers_of
 
-PLATE = "{}-{}.toml"  # by the kind of the plate, "stage" or "mechanism"
+PLATE = "{}-{}.toml"  # by the kind of the file, "stage" or "mechanism"
 FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
 
 
@@ -81,37 +82,39 @@ def run_design(
     if not callable(say):
         raise BadInput(f"say {printed(say)}, expected a function of a line of text")
     loaded = load_requirements(checked_path(requirements))
-    folder = None
-    stem = loaded.path.stem
-    base = Path(loaded.base.origin.path or "")
-    if output is not None:
-        folder = checked_path(output)
-        check_folder(folder)
-        count = loaded.requirements.front if len(loaded.requirements.objective) > 1 else 0
-        kind = "mechanism" if loaded.requirements.on_mechanism else "stage"
-        names = [
-            PLATE.format(stem, kind),
-            *(FRONT.format(stem, k + 1) for k in range(count)),
-            f"{stem}-design.json",
-        ]
-        names += [
-            f"{stem}-design{part}.{form}"
-            for part in ("", "-sensitivity", "-front")
-            for form in ("png", "pdf")
-        ]
-        for name in sorted(names, key=len, reverse=True):
-            check_name(folder / name, base, loaded.path)
-    kept = None if folder is None else folder / f".{stem}-design.found"
-    with (
-        workers_of(workers, scheduler, executor)
-        if workers > 1 or elsewhere
-        else nullcontext() as pool
-    ):
-        found = designed(loaded, ElementSolver(loaded, Counter(), pool, kept, say))
+    folder = None if output is None else checked_path(output)
+    kept = None
+    if folder is not None:
+        _check_output(loaded, folder)
+        kept = folder / f".{loaded.path.stem}-design.found"
+    pool: Any = nullcontext()
+    if workers > 1 or elsewhere:
+        pool = workers_of(workers, scheduler, executor)
+    with pool as processes:
+        found = designed(loaded, ElementSolver(loaded, Counter(), processes, kept, say))
     if folder is not None and kept is not None:
-        _write(found, folder, base)
+        _write(found, folder, _base_file(loaded))
         shutil.rmtree(kept, ignore_errors=True)
     return found
+
+
+def _base_file(loaded: LoadedRequirements) -> Path:
+    return Path(loaded.base.origin.path or "")
+
+
+def _check_output(loaded: LoadedRequirements, folder: Path) -> None:
+    """Raise BadInput for a folder that takes no files, or where one would replace an input file."""
+    check_folder(folder)
+    required = loaded.requirements
+    stem = loaded.path.stem
+    kind = type(loaded.base).kind.removesuffix(" file")
+    names = [PLATE.format(stem, kind), f"{stem}-design.json"]
+    if len(required.objective) > 1:
+        names += [FRONT.format(stem, number) for number in range(1, required.front + 1)]
+    for part in ("", "-sensitivity", "-front"):
+        names += [f"{stem}-design{part}.png", f"{stem}-design{part}.pdf"]
+    for name in sorted(names, key=len, reverse=True):
+        check_name(folder / name, _base_file(loaded), loaded.path)
 
 
 def _write(found: Designed, folder: Path, base: Path) -> None:
