@@ -20,7 +20,7 @@ import numpy as np
 
 from flexfem.arrays import ROUND_OFF, Array
 from flexfem.design.kind import kind_of
-from flexfem.design.model import MISSED, Model, correction_of, silent
+from flexfem.design.model import MISSED, Correction, Model, correction_of, silent
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
 from flexfem.design.scatter import CouplingQuantiles, named
 from flexfem.design.search import BestDesign, optimum
@@ -261,30 +261,44 @@ def space_mapping(model: Model, solver: ElementSolver) -> tuple[list[Proposal], 
     with continuous dimensions by the accuracy, as far as feasible designs remain. Raises BadInput
     when no design has a solution."""
     accuracy = model.required.accuracy_percent / 100
-    limited = model.sizes > 0
-    sizes = np.where(limited, model.sizes, 1.0)
-    unguarded = np.zeros(len(limited))
-    # parts of the accuracy that are added to the bands, tried in turn
-    shares = ROOM if model.space.continuous.any() else (0.0,)
+    tightening = _Tightening(model)
     rounds = list[Proposal]()
-    guards = [unguarded]
-    bands = unguarded
     near = None
     everywhere = True
     for _ in range(ROUNDS):
-        model, best = _guarded(model, guards, near, everywhere)
+        model, best = _guarded(model, tightening.guards, near, everywhere)
         last = proof(model, solver, best.values)
         side = -1.0 if rounds and not np.any(model.guard) else 1.0
         rounds.append(Proposal(model, best, last))
-        if last.gap <= accuracy and (best.merit >= MISSED or keeps_ends(last, side)):
+        missed = best.merit >= MISSED
+        if last.gap <= accuracy and (missed or keeps_ends(last, side)):
             return rounds, True
         near = best.values
-        everywhere = last.gap > LOCAL or best.merit >= MISSED
-        bands = np.where(limited, np.maximum(bands, last.bands / sizes), 0.0)
-        guards = [np.where(limited, bands + share * accuracy, 0.0) for share in shares]
-        guards.append(unguarded)
+        everywhere = last.gap > LOCAL or missed
+        tightening.widen(last.bands)
         model = last.model
     return rounds, False
+
+
+class _Tightening:
+    """Guards (q,) of requirements, relative to their sizes, that are tried in turn."""
+
+    def __init__(self, model: Model) -> None:
+        self.accuracy = model.required.accuracy_percent / 100
+        self.shares = ROOM if model.space.continuous.any() else (0.0,)  # of the accuracy
+        self.sizes = model.sizes
+        self.bands = np.zeros(len(model.sizes))
+        self.guards = [self.bands]
+
+    def widen(self, bands: Array) -> None:
+        """Guard against the largest bands so far."""
+        limited = self.sizes > 0
+        relative = bands / np.where(limited, self.sizes, 1.0)
+        self.bands = np.where(limited, np.maximum(self.bands, relative), 0.0)
+        self.guards = [
+            np.where(limited, self.bands + share * self.accuracy, 0.0) for share in self.shares
+        ]
+        self.guards.append(np.zeros(len(self.sizes)))
 
 
 def _guarded(
@@ -335,18 +349,10 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
         solved_columns = solved_columns | named(sampled.elements[-1])
         widths = widths | _widths_of_factors(sampled)
     found = _Columns(model, analytic | solved_columns)
-    sizes = outputs.sizes_of({name: np.array(x) for name, x in found.columns.items()})
-    round_off = ROUND_OFF * found.effect(sizes)
+    round_off = ROUND_OFF * found.effect(found.sizes)
     sampling = found.effect(half_widths)
     bands = np.maximum(found.effect(widths), ROUND_OFF_RATIO * round_off)
-    predicted = _quantities(
-        model, {name: float(x[0]) for name, x in model.corrected(by_model).items()}
-    )
-    by = {
-        name: correction_of(analytic[name], value)
-        for name, value in solved_columns.items()
-        if name in analytic
-    }
+    predicted = model.quantities(model.corrected(by_model))[0]
     return Proof(
         values=values,
         predicted=predicted,
@@ -356,11 +362,19 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
         sampling=sampling,
         round_off=round_off,
         gap=_gap(model, predicted, found.quantities, bands),
-        model=replace(model, corrections=by),
+        model=replace(model, corrections=_corrections(analytic, solved_columns)),
         columns=found.columns,
         analytic=analytic,
         scattered=sampled,
     )
+
+
+def _corrections(
+    analytic: Mapping[str, float], elements: Mapping[str, float]
+) -> dict[str, Correction]:
+    """Return the corrections of the columns that both models give."""
+    both = [name for name in elements if name in analytic]
+    return {name: correction_of(analytic[name], elements[name]) for name in both}
 
 
 def _widths_of_factors(sampled: CouplingQuantiles) -> dict[str, float]:
@@ -395,6 +409,11 @@ class _Columns:
         self.model = model
         self.columns = columns
         self.quantities = _quantities(model, columns)
+
+    @property
+    def sizes(self) -> Mapping[str, Array]:
+        """Sizes of columns that symmetry can make zero, to which round-off is relative."""
+        return outputs.sizes_of({name: np.array(value) for name, value in self.columns.items()})
 
     def effect(self, widths: Mapping[str, Any]) -> Array:
         """Return the largest change (q,) of each quantity with some columns at either end of their

@@ -21,7 +21,7 @@ from flexfem.hinges.choice import CALIBRATED, DEFAULT_FORMULA, FORMULA, FormulaN
 from flexfem.mechanism.keys import keys
 from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
-from flexfem.study.factors import MANY, NAMED, Factor
+from flexfem.study.factors import MANY, NAMED, Column, Factor
 from flexfem.study.loaded import LoadedStudy, base_of
 from flexfem.study.plan import Asked, Study
 from flexfem.study.tables import Expression, Limited, Sampling
@@ -31,9 +31,8 @@ ROUND_OFF = 1e-9  # of a step
 LARGEST = 1e30  # end of a requirement, in its unit; the smallest one is the inverse
 # stages: the maximum of fewer is below the 95 % quantile with a probability of 2.5 % or more
 FEWEST = 72
-LEAST_CHECKED = (
-    8  # stages: fewer do not show the scatter of the difference between model and finite elements
-)
+# stages: fewer do not show the scatter of the difference between model and finite elements
+LEAST_CHECKED = 8
 QUANTITY = "Arithmetic on columns and keys of the base file, as in studies"
 MASS = ("mass_kg",)
 DENSITY = "material.density_kg_m3"
@@ -296,14 +295,14 @@ class LoadedRequirements(LoadedStudy):
     @property
     def base_values(self) -> Array:
         """The values (d,) of the base stage, clipped to the ranges of the dimensions."""
-        values = []
-        for column in self.columns:
-            ends = column.factor.values or (column.factor.start or 0.0, column.factor.end or 0.0)
-            of_stage = [
-                v for path in column.keys if (v := keys()[path].value_in(self.base)) is not None
-            ]
-            values.append(float(np.clip(np.mean(of_stage or ends[:1]), min(ends), max(ends))))
-        return np.array(values)
+        return np.array([self._base_value(column) for column in self.columns])
+
+    def _base_value(self, column: Column) -> float:
+        factor = column.factor
+        ends = factor.values or (factor.start or 0.0, factor.end or 0.0)
+        of_base = [keys()[path].value_in(self.base) for path in column.keys]
+        stated = [value for value in of_base if value is not None]
+        return float(np.clip(np.mean(stated or ends[:1]), min(ends), max(ends)))
 
 
 def load_requirements(path: PathLike) -> LoadedRequirements:

@@ -44,9 +44,19 @@ class Effort(NamedTuple):
 
 
 FULL = Effort()
+# for mechanisms, of which each design takes 20 ms
 SPARING = Effort(
-    256, 16, 40, 8, 30, 16, 6, 2, 12, 1e-6
-)  # for mechanisms, of which each design takes 20 ms
+    sample=256,
+    least=16,
+    most=40,
+    each=8,
+    generations=30,
+    near=16,
+    local=6,
+    beam=2,
+    iterations=12,
+    accuracy=1e-6,
+)
 
 
 class BestDesign(NamedTuple):
@@ -90,11 +100,9 @@ class _Search:
         self.model = model
         self.space = model.space
         self.seed = model.required.seed
-        self.best, self.noted, self.history = (
-            np.inf,
-            np.inf,
-            list[tuple[int, float | None, float]](),
-        )
+        self.best = np.inf
+        self.noted = np.inf
+        self.history = list[tuple[int, float | None, float]]()
         self.effort = SPARING if model.required.on_mechanism else FULL
         self.drawable = dict[bytes, bool]()
         self.evaluations_before = model.counts["analytic"]
@@ -116,7 +124,8 @@ class _Search:
 
     def note(self, merit: float) -> None:
         """Add the lesser of the best merit so far and `merit` to the history."""
-        self.noted = merit = min(merit, self.noted)
+        self.noted = min(merit, self.noted)
+        merit = self.noted
         objective = (
             None if merit >= MISSED else merit * float(self.model.signs[self.model.objective])
         )
@@ -187,8 +196,8 @@ class _Search:
         """Return the best design on the steps near the one without steps, or near `near`, and its
         merit.
 
-        A beam search rounds one dimension after the other, the coarsest first, and optimises the
-        others again. A descent over neighbours follows."""
+        A descent over neighbours follows the rounding of all dimensions.
+        """
         self.best = np.inf
         space = self.space
         if space.continuous.all():
@@ -196,27 +205,40 @@ class _Search:
             self.note(merit)
             return relaxed, merit
         self.noted = np.inf
-        free = ~space.listed
-        beam = relaxed[None]
-        value_counts = [len(allowed) or np.inf for allowed in space.allowed]
-        for k in np.argsort(value_counts, kind="stable")[: np.sum(~space.continuous)]:
-            free[k] = False
-            rounded = {
-                (*x[:k], value, *x[k + 1 :]) for x in beam for value in space.adjacent(k, x[k])
-            }
-            candidates = np.array(
-                [self.polished(np.array(start), free) for start in sorted(rounded)]
-            )
-            beam = candidates[np.argsort(self.merit(candidates), kind="stable")[: self.effort.beam]]
+        beam = self._rounded(relaxed)
         ends = space.snapped(np.vstack([beam] if near is None else [beam, near]))
         values, merit = min(map(self._descended, np.unique(ends, axis=0)), key=lambda end: end[1])
         if merit < REFUSED_MERIT:
             return values, merit
-        sample = space.snapped(
-            space.from_unit(self._sample(self.effort.sample))
-        )  # no neighbour can be drawn
+        # no neighbour can be drawn
+        sample = space.snapped(space.from_unit(self._sample(self.effort.sample)))
         self.best = np.inf
         return self._descended(sample[int(np.argmin(self.merit(sample)))])
+
+    def _rounded(self, relaxed: Array) -> Array:
+        """Return designs (beam, d) on the steps near one without steps.
+
+        A beam search rounds one dimension after the other, the coarsest first, and optimises the
+        others again.
+        """
+        space = self.space
+        free = ~space.listed
+        beam = relaxed[None]
+        value_counts = [len(allowed) or np.inf for allowed in space.allowed]
+        coarsest_first = np.argsort(value_counts, kind="stable")
+        for k in coarsest_first[: np.sum(~space.continuous)]:
+            free[k] = False
+            starts = {
+                (*design[:k], value, *design[k + 1 :])
+                for design in beam
+                for value in space.adjacent(k, design[k])
+            }
+            candidates = np.array(
+                [self.polished(np.array(start), free) for start in sorted(starts)]
+            )
+            best_first = np.argsort(self.merit(candidates), kind="stable")
+            beam = candidates[best_first[: self.effort.beam]]
+        return beam
 
     def _descended(self, values: Array) -> tuple[Array, float]:
         """Return the local minimum among neighbours that a descent from `values` (d,) reaches, and
@@ -243,63 +265,96 @@ class _Search:
     def polished(self, start: Array, free: AnyArray | None = None) -> Array:
         """Return the design (d,) that SLSQP reaches from `start` (d,), or `start` if it is as good.
 
-        `free` (d,) marks the variable dimensions, by default all without a list of values. All
-        finite differences of an iterate are one batch. SLSQP overwrites the arrays that it
-        receives, hence the copies."""
+        `free` (d,) marks the variable dimensions, by default all without a list of values. SLSQP
+        overwrites the arrays that it receives, hence the copies.
+        """
         free = ~self.space.listed if free is None else free
         if not free.any() or float(self.merit(start[None])[0]) >= REFUSED_MERIT:
             return start
-        space = self.space
-        model = self.model
-        variable = np.flatnonzero(free)
-        known = dict[bytes, tuple[Array, Array]]()
-        d = len(variable)
-        u0 = space.to_unit(start[None])[0]
-        size = max(abs(float(model.cost(model.evaluate(start[None]))[0])), 1e-30)
-
-        def linearised(x: Array) -> tuple[Array, Array]:
-            if x.tobytes() not in known:
-                u = np.tile(u0, (2 * d + 1, 1))
-                steps = np.vstack([np.zeros(d), -STEP * np.eye(d), STEP * np.eye(d)])
-                u[:, variable] = np.clip(np.clip(x, 0, 1) + steps, 0, 1)
-                values = space.from_unit(u)
-                quantities = model.evaluate(values)
-                f = np.column_stack(
-                    [model.cost(quantities) / size, model.constraints(values, quantities) - INWARD]
-                )
-                known[x.tobytes()] = _differences(f, u[:, variable])
-            return known[x.tobytes()]
-
+        near = _Linearised(self.model, start, np.flatnonzero(free))
+        dimensions = len(near.variable)
         found = minimize(
-            lambda x: float(linearised(x)[0][0]),
-            u0[variable],
-            jac=lambda x: linearised(x)[1][0].copy(),
-            bounds=Bounds(np.zeros(d), np.ones(d)),
+            lambda x: float(near.at(x).values[0]),
+            near.start[near.variable],
+            jac=lambda x: near.at(x).slopes[0].copy(),
+            bounds=Bounds(np.zeros(dimensions), np.ones(dimensions)),
             constraints={
                 "type": "ineq",
-                "fun": lambda x: linearised(x)[0][1:].copy(),
-                "jac": lambda x: linearised(x)[1][1:].copy(),
+                "fun": lambda x: near.at(x).values[1:].copy(),
+                "jac": lambda x: near.at(x).slopes[1:].copy(),
             },
             method="SLSQP",
             options={"maxiter": self.effort.iterations, "ftol": self.effort.accuracy},
         )
-        u = u0.copy()
-        u[variable] = np.clip(found.x, 0, 1)
-        end = np.where(free, space.from_unit(u[None])[0], start)
+        end = np.where(free, near.design(np.clip(found.x, 0, 1)), start)
         merits = self.merit(np.vstack([start, end]))
         return end if merits[1] < merits[0] else start
 
 
-def _differences(f: Array, u: Array) -> tuple[Array, Array]:
-    """Return values (1 + c,) and slopes (1 + c, d) at a point from rows f (2 d + 1, 1 + c): there,
-    below it, above it.
+class _Slopes(NamedTuple):
+    """Cost and constraints (1 + c,) at a point, and their slopes (1 + c, d)."""
+
+    values: Array
+    slopes: Array
+
+
+class _Linearised:
+    """Cost and constraints of a model near a design, as functions of its variable dimensions.
+
+    start : (d,), the design in the unit cube.   variable : indices of the variable dimensions. The
+    cost is relative to that of the design.
+    """
+
+    def __init__(self, model: Model, design: Array, variable: AnyArray) -> None:
+        self.model = model
+        self.start = model.space.to_unit(design[None])[0]
+        self.variable = variable
+        cost = float(model.cost(model.evaluate(design[None]))[0])
+        self._size = max(abs(cost), 1e-30)
+        self._known = dict[bytes, _Slopes]()
+
+    def design(self, x: Array) -> Array:
+        """Return the design (d,), file units, at a point of the variable dimensions."""
+        u = self.start.copy()
+        u[self.variable] = x
+        return np.asarray(self.model.space.from_unit(u[None])[0])
+
+    def at(self, x: Array) -> _Slopes:
+        """Return cost and constraints at a point; all finite differences are one batch."""
+        key = x.tobytes()
+        if key not in self._known:
+            self._known[key] = self._solved(x)
+        return self._known[key]
+
+    def _solved(self, x: Array) -> _Slopes:
+        model = self.model
+        d = len(self.variable)
+        steps = np.vstack([np.zeros(d), -STEP * np.eye(d), STEP * np.eye(d)])
+        u = np.tile(self.start, (2 * d + 1, 1))
+        u[:, self.variable] = np.clip(np.clip(x, 0, 1) + steps, 0, 1)
+        values = model.space.from_unit(u)
+        quantities = model.evaluate(values)
+        cost = model.cost(quantities) / self._size
+        room = model.constraints(values, quantities) - INWARD
+        return _differences(np.column_stack([cost, room]), u[:, self.variable])
+
+
+def _differences(f: Array, u: Array) -> _Slopes:
+    """Return values and slopes at a point from rows f (2 d + 1, 1 + c): there, below it, above it.
 
     A difference is one-sided where the other side has no solution. A point without one is very
-    infeasible."""
+    infeasible.
+    """
     d = u.shape[1]
     solved = np.asarray(np.isfinite(f).all(axis=1))
     if not solved[0]:
-        return np.concatenate([[1e3], np.full(f.shape[1] - 1, -1e3)]), np.zeros((f.shape[1], d))
-    a, b = (np.where(solved[side], side, 0) for side in np.arange(1, 2 * d + 1).reshape(2, d))
+        values = np.full(f.shape[1], -1e3)
+        values[0] = 1e3
+        return _Slopes(values, np.zeros((f.shape[1], d)))
+    below = np.arange(1, d + 1)
+    above = below + d
+    a = np.where(solved[below], below, 0)
+    b = np.where(solved[above], above, 0)
     width = u[b, np.arange(d)] - u[a, np.arange(d)]
-    return f[0], ((f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]).T
+    slopes = (f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]
+    return _Slopes(f[0], slopes.T)
