@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +22,7 @@ from flexfem.refused import BadInput
 from flexfem.study.columns import DRIFTS, FEASIBLE, STIFFNESSES, sizes_of
 from flexfem.study.judge import judge
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.run import ABOUT, PARQUET, TEXTS, Parts, opened, read_part, survey
+from flexfem.study.run import ABOUT, PARQUET, TEXTS, Parts, Survey, opened, read_part, survey
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least number of designs in a row group of Parquet
@@ -54,42 +54,51 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     if path.suffix not in FORMATS:
         raise BadInput(f"{path}, expected a file name that ends in {' or '.join(FORMATS)}")
     found = survey(parts)
-    loaded = parts.loaded
+    designs = _finished(parts, found, partial)
+    count = parts.loaded.count
+    about = json.loads(parts.schema.metadata[ABOUT]) | {"count": count}
+    metadata = {ABOUT: json.dumps(about, sort_keys=True).encode()}
+    columns = _with_derived(parts.loaded, parts.schema.empty_table()).schema
+    with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
+        schema = columns.with_metadata(metadata)
+        if path.suffix == ".csv":
+            opened_writer = pyarrow.csv.CSVWriter(file, schema)
+        else:
+            opened_writer = pq.ParquetWriter(file, schema, **PARQUET)
+        with opened_writer as writer:
+            for table in _groups(parts, list(found.counts)):
+                writer.write_table(table.replace_schema_metadata(metadata))
+    return Collected(path, designs, count - designs)
+
+
+def _finished(parts: Parts, found: Survey, partial: bool) -> int:
+    """Return the number of finished designs. Raises BadInput where these cannot be collected."""
     if found.damaged:
         first, *rest = found.damaged.values()
         more = f", and {len(rest)} more such parts" if rest else ""
         raise BadInput(f"{first}{more}; {RUN_AGAIN}")
+    count = parts.loaded.count
     designs = sum(map(len, found.counts))
-    if designs == 0 or (designs < loaded.count and not partial):
-        others = (
-            f"; {len(found.stale)} parts there belong to other inputs or versions"
-            if found.stale
-            else ""
-        )
-        state = f"{loaded.count - designs} of {loaded.count} designs are unfinished"
-        state, choice = (
-            (state, ", or pass --partial") if designs else ("no designs are finished", "")
-        )
-        raise BadInput(f"{parts.folder}: {state}. Run `flexfem study run`{choice}{others}")
-    about = json.loads(parts.schema.metadata[ABOUT]) | {"count": loaded.count}
-    metadata = {ABOUT: json.dumps(about, sort_keys=True).encode()}
-    schema = _with_derived(loaded, parts.schema.empty_table()).schema.with_metadata(metadata)
-    with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
-        csv = path.suffix == ".csv"
-        with (
-            pyarrow.csv.CSVWriter(file, schema)
-            if csv
-            else pq.ParquetWriter(file, schema, **PARQUET) as writer
-        ):
-            chunks = list(found.counts)
-            several = -(-GROUP // parts.size)
-            for group in (
-                chunks[start : start + several] for start in range(0, len(chunks), several)
-            ):
-                tables = (_checked(parts, chunk).replace_schema_metadata(None) for chunk in group)
-                joined = _with_derived(loaded, pa.concat_tables(tables).combine_chunks())
-                writer.write_table(joined.replace_schema_metadata(metadata))
-    return Collected(path, designs, loaded.count - designs)
+    if designs == count or (designs and partial):
+        return designs
+    others = ""
+    if found.stale:
+        others = f"; {len(found.stale)} parts there belong to other inputs or versions"
+    state = "no designs are finished"
+    choice = ""
+    if designs:
+        state = f"{count - designs} of {count} designs are unfinished"
+        choice = ", or pass --partial"
+    raise BadInput(f"{parts.folder}: {state}. Run `flexfem study run`{choice}{others}")
+
+
+def _groups(parts: Parts, chunks: list[range]) -> Iterator[Any]:
+    """Yield the tables of all chunks in their order, some chunks together."""
+    several = -(-GROUP // parts.size)
+    for start in range(0, len(chunks), several):
+        group = chunks[start : start + several]
+        tables = [_checked(parts, chunk).replace_schema_metadata(None) for chunk in group]
+        yield _with_derived(parts.loaded, pa.concat_tables(tables).combine_chunks())
 
 
 def _checked(parts: Parts, chunk: range) -> Any:
@@ -196,7 +205,8 @@ class _Stored(dict[str, Array]):
 
     def __init__(self, path: Path, names: Iterable[str]) -> None:
         super().__init__()
-        self._path, self._names = path, frozenset(names)
+        self._path = path
+        self._names = frozenset(names)
 
     def __missing__(self, name: str) -> Array:
         with opened(self._path, DAMAGED) as file:

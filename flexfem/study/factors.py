@@ -15,7 +15,8 @@ from flexfem.mechanism.keys import key_suggestion, keys, matching_keys
 MANY = 100_000  # most values or points of one factor
 MANY_KEYS = 100  # most keys of one factor
 Kind: TypeAlias = Literal["given", "values", "range", "normal", "uniform"]
-_KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # required and optional keys
+# required and optional keys
+_KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "given": ((), ()),
     "values": (("values",), ()),
     "range": (("from", "to"), ("scale", "points")),
@@ -114,25 +115,32 @@ class Factor(Table):
         return self
 
     @model_validator(mode="after")
-    def _numbers_are_possible(self) -> Factor:
+    def _ends_are_in_order(self) -> Factor:
         for low, high, name in ((self.start, self.end, "to"), (self.lower, self.upper, "upper")):
             if low is not None and high is not None and low >= high:
                 raise refusal(f"> {low:g}, the lower end", name)
         if self.scale == "log" and self.start is not None and self.start <= 0:
             raise refusal("> 0 on a logarithmic scale", "from")
-        if self.values is not None and len(set(self.values)) < len(self.values):
-            raise refusal("each value once", "values")
-        numbers: dict[tuple[str | int, ...], float | None] = {
-            ("from",): self.start,
-            ("to",): self.end,
-        }
-        numbers |= {("values", index): value for index, value in enumerate(self.values or ())}
-        for place, value in numbers.items():
-            for key in (keys()[path] for path in self.paths):
-                expected = None if value is None else key.number.expected(value)
-                if expected is not None:
-                    raise refusal(f"{expected} for {key.path}", *place)
         return self
+
+    @model_validator(mode="after")
+    def _numbers_are_possible(self) -> Factor:
+        values = self.values or ()
+        if len(set(values)) < len(values):
+            raise refusal("each value once", "values")
+        for name, end in (("from", self.start), ("to", self.end)):
+            if end is not None:
+                self._require_possible(end, name)
+        for index, value in enumerate(values):
+            self._require_possible(value, "values", index)
+        return self
+
+    def _require_possible(self, value: float, *place: str | int) -> None:
+        """Raise a refusal for a number outside the limits of a key."""
+        for key in (keys()[path] for path in self.paths):
+            expected = key.number.expected(value)
+            if expected is not None:
+                raise refusal(f"{expected} for {key.path}", *place)
 
     @property
     def kind(self) -> Kind:
@@ -146,9 +154,11 @@ class Factor(Table):
     @property
     def paths(self) -> tuple[str, ...]:
         """All keys of the factor, stars expanded."""
-        return self.keys or (
-            matching_keys(self.key) if self.key and "*" in self.key else (self.key or "",)
-        )
+        if self.keys is not None:
+            return self.keys
+        if self.key is not None and "*" in self.key:
+            return matching_keys(self.key)
+        return (self.key or "",)
 
 
 def given_in(table: Table) -> list[str]:
@@ -179,11 +189,8 @@ def _check_key(key: str, *at: str | int) -> None:
     if "*" in key:
         raise refusal("no star in keys: all of them take the same value", *at)
     if key not in keys():
-        raise refusal(
-            "a number of the stage "
-            f"format{key_suggestion(key, keys()) or ', see flexfem schema stage'}",
-            *at,
-        )
+        close = key_suggestion(key, keys()) or ", see flexfem schema stage"
+        raise refusal(f"a number of the stage format{close}", *at)
 
 
 class Column(NamedTuple):
@@ -203,7 +210,6 @@ def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
         if factor.key is not None and "*" in factor.key:
             columns += [Column(path, (path,), factor) for path in factor.paths]
         else:
-            columns.append(
-                Column(factor.label or factor.key or " = ".join(factor.paths), factor.paths, factor)
-            )
+            name = factor.label or factor.key or " = ".join(factor.paths)
+            columns.append(Column(name, factor.paths, factor))
     return tuple(columns)

@@ -44,6 +44,7 @@ from flexfem.study.tables import (
 
 # a larger sample begins with the smaller one
 EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")
+# of a stage
 QUESTIONS = (
     "budget",
     "converge",
@@ -54,7 +55,8 @@ QUESTIONS = (
     "reach",
     "stiffness",
     "summary",
-)  # of a stage
+)
+# keys without an effect on a mechanism
 OF_STAGE = (
     "formula",
     "paper_formula",
@@ -67,14 +69,15 @@ OF_STAGE = (
     "life",
     "drift",
     "tolerance",
-)  # keys without an effect on a mechanism
+)
 UNCORRELATED: dict[Method, str] = {
     "saltelli": "Sobol indices split the variance among independent factors",
     "grid": "a grid contains all combinations of values",
     "table": "its rows are used unchanged",
 }
 SINGULAR = 1e-9  # eigenvalue of a correlation matrix, below which it is singular
-APPLIES = {  # models of the keys that not every model takes
+# models of the keys that not every model takes
+APPLIES = {
     "formula": ("analytic", "verify"),
     "mobility": ("analytic", "verify"),
     "links": ("analytic",),
@@ -86,6 +89,28 @@ APPLIES = {  # models of the keys that not every model takes
     "life": ("analytic", "fe", "verify"),
     "drift": ("analytic", "fe", "verify"),
 }
+
+
+class _Names:
+    """Names of the columns of a study file, in their order; those of keys are known, too."""
+
+    def __init__(self, outputs: Iterable[str]) -> None:
+        self.known = set(outputs)
+        self.reserved = {*RESERVED, FEASIBLE, *self.known}
+
+    def add(self, name: str, own_keys: tuple[str, ...], *at: str | int) -> None:
+        """Add a column. Raises a refusal for a name that another column or key has."""
+        taken = name in self.known or name in self.reserved
+        if taken or (name in keys() and name not in own_keys):
+            raise refusal(f"a unique name, not {shown(name)} again", *at)
+        self.known.add(name)
+
+    def require_known(self, expression: str, place: KeyPath) -> None:
+        """Raise a refusal for a name in an expression that no column or key has."""
+        for name in names_in(expression):
+            if name not in self.known and name not in keys():
+                close = key_suggestion(name, sorted({*self.known, *keys()}))
+                raise refusal(f"columns and keys by name, not {shown(name)}{close}", *place)
 
 
 class Asked(Sourced):
@@ -169,37 +194,27 @@ class Asked(Sourced):
         return paths
 
     @model_validator(mode="after")
-    def _names_are_unique(self) -> Self:
-        """Refuse columns of the same name, a key that two factors set, and unknown names in
-        expressions.
-        """
-        known = set(self.known)
-        reserved = {*RESERVED, FEASIBLE, *self.known}
+    def _keys_are_set_once(self) -> Self:
         set_by = dict[str, int]()
-
-        def add(name: str, own_keys: tuple[str, ...], *at: str | int) -> None:
-            if name in known | reserved or (name in keys() and name not in own_keys):
-                raise refusal(f"a unique name, not {shown(name)} again", *at)
-            known.add(name)
-
         for index, factor in enumerate(self.varied):
             for path in factor.paths:
                 first = set_by.setdefault(path, index)
                 if first != index:
                     sets = f"each key set once, and {key_path((self.array, first))} sets {path}"
                     raise refusal(sets, self.array, index)
+        return self
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        """Refuse columns of the same name, and unknown names in expressions."""
+        names = _Names(self.known)
+        for index, factor in enumerate(self.varied):
             for column in columns_of([factor]):
-                add(column.name, column.keys, self.array, index)
+                names.add(column.name, column.keys, self.array, index)
         for place, expression in self.expressions.items():
-            names = {*known, *keys()}
-            for name in names_in(expression):
-                if (
-                    name not in names and name not in keys()
-                ):  # keys of actuators are valid but not listed
-                    close = key_suggestion(name, sorted(names))
-                    raise refusal(f"columns and keys by name, not {shown(name)}{close}", *place)
+            names.require_known(expression, place)
             if place[0] == "output":
-                add(self.output[int(place[1])].name, (), *place[:2], "name")
+                names.add(self.output[int(place[1])].name, (), *place[:2], "name")
         return self
 
     @property
@@ -224,11 +239,9 @@ class Asked(Sourced):
     def rotation(self) -> float | None:
         """Largest rotation of a base hinge, rad; None without a stroke."""
         drive = self.drive
-        return (
-            1e-3 * drive.stroke_um / drive.lever_arm_mm
-            if drive and drive.stroke_um and drive.lever_arm_mm
-            else None
-        )
+        if drive is None or drive.stroke_um is None or drive.lever_arm_mm is None:
+            return None
+        return 1e-3 * drive.stroke_um / drive.lever_arm_mm
 
     @property
     def driven(self) -> bool:
@@ -417,13 +430,11 @@ class Study(Asked):
                     f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind"
                 )
             for place, (column, is_output) in figure.columns.items():
-                known = (
-                    outputs
-                    if is_output
-                    else factors
-                    if figure.kind == "map"
-                    else (*factors, *outputs)
-                )
+                known = (*factors, *outputs)
+                if is_output:
+                    known = (*outputs,)
+                elif figure.kind == "map":
+                    known = (*factors,)
                 if column not in known:
                     expected = "an output of this study" if is_output else "a column of this study"
                     raise refusal(f"{expected}{suggestion(column, known)}", "figure", index, *place)
