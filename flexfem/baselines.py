@@ -11,7 +11,7 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial, reduce
@@ -155,6 +155,17 @@ def baseline(
     """
     if not isinstance(reason, str) or not reason.strip():
         raise BadInput("reason is empty, expected the reason why the numbers may move")
+    targets = _targets(files, baselines)
+    for target, path in targets.items():
+        if progress is not None:
+            progress(path.stem)
+        made = _made(path, target, reason.strip())
+        write_atomically(target, methodcaller("write", _text_of(made).encode()), again=True)
+    return list(targets)
+
+
+def _targets(files: Iterable[Path], baselines: Path | None) -> dict[Path, Path]:
+    """Return the input file of each baseline. Raises BadInput where a file cannot have its own."""
     targets: dict[Path, Path] = {}
     for path in map(checked_path, files):
         kind_of(path)
@@ -166,31 +177,29 @@ def baseline(
             raise BadInput(
                 f"{path}: {target} is the baseline of another file, expected another name or folder"
             )
-    for target, path in targets.items():
-        if progress is not None:
-            progress(path.stem)
-        history = read(target)["history"] if target.exists() else []
-        now = datetime.now(UTC).isoformat(timespec="seconds")
-        data = {
-            "kind": kind_of(path),
-            "file": _relative(path, target.parent),
-            "history": [*history, {"when": now, "reason": reason.strip(), "versions": versions()}],
-            "inputs": inputs_of(path),
-            "numbers": {
-                question: {key: _stored(number) for key, number in found.items()}
-                for question, found in numbers_of(path, target.parent)
-            },
-        }
-        text = (
-            json.dumps(data, indent=1, allow_nan=False)
-            .replace("[\n    ", "[")
-            .replace(",\n     ", ", ")
-            + "\n"
-        )
-        write_atomically(
-            target, methodcaller("write", text.encode()), again=True
-        )  # a line for every number
-    return list(targets)
+    return targets
+
+
+def _made(path: Path, target: Path, reason: str) -> dict[str, Any]:
+    """Return the content of a new baseline, with the history of the present one."""
+    history = read(target)["history"] if target.exists() else []
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return {
+        "kind": kind_of(path),
+        "file": _relative(path, target.parent),
+        "history": [*history, {"when": now, "reason": reason, "versions": versions()}],
+        "inputs": inputs_of(path),
+        "numbers": {
+            question: {key: _stored(number) for key, number in found.items()}
+            for question, found in numbers_of(path, target.parent)
+        },
+    }
+
+
+def _text_of(made: Mapping[str, Any]) -> str:
+    """Return a baseline as JSON with a line for every number."""
+    text = json.dumps(made, indent=1, allow_nan=False)
+    return text.replace("[\n    ", "[").replace(",\n     ", ", ") + "\n"
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -230,29 +239,28 @@ def check(path: Path) -> list[str]:
         return [
             f"{path}: the baseline of a {data['kind']}, but {source} is of kind {kind_of(source)}"
         ]
-    was, now = (
-        {(file, key): value for file, keys in inputs.items() for key, value in keys.items()}
-        for inputs in (data["inputs"], inputs_of(source))
-    )
+    was = _flat(data["inputs"])
+    now = _flat(inputs_of(source))
     changes = [
         f"the input changed: {os.path.normpath(source.parent / place[0])}: {place[1]} "
         + _became(was.get(place), now.get(place))
         for place in dict.fromkeys([*was, *now])
         if was.get(place) != now.get(place)
     ]
-    return changes or list(
-        _moved(path.stem, data["numbers"], dict(numbers_of(source, path.parent)))
-    )
+    if changes:
+        return changes
+    return [*_moved(path.stem, data["numbers"], dict(numbers_of(source, path.parent)))]
+
+
+def _flat(inputs: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], Any]:
+    """Return the values of input files by file and key path."""
+    return {(file, key): value for file, keys in inputs.items() for key, value in keys.items()}
 
 
 def _became(old: Any, new: Any) -> str:
-    return (
-        f"is new: {new}"
-        if old is None
-        else f"is gone, was {old}"
-        if new is None
-        else f"was {old}, is {new}"
-    )
+    if old is None:
+        return f"is new: {new}"
+    return f"is gone, was {old}" if new is None else f"was {old}, is {new}"
 
 
 def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Iterator[str]:
@@ -264,33 +272,43 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
             place = f"{name}: {question}.{key}"
             if key not in new:
                 yield f"{place} is gone, was {float(old[key][0]):.12g} in internal units"
-                continue
-            one = new[key]
-            unit = f" {one.unit.plain}".rstrip()
-            if key not in old:
-                yield f"{place} is new: {one.value:.12g}{unit}"
-                continue
-            before, *bands = (float(each) * one.unit.factor for each in old[key])
-            if not math.isclose(one.value, before, rel_tol=0.0, abs_tol=one.accepted):
-                moved = f"moved {one.value - before:+.3g}, accepted {one.accepted:.2g}"
-                yield f"{place} was {before:.15g}, is {one.value:.15g}{unit}, {moved}"
-            larger = max(1.0, bands[0] / one.band) if bands and one.band > 0 else 1.0
-            accepted = one.accepted_band * larger + one.accepted
-            if (
-                bands
-                and not np.isnan(one.band)
-                and not math.isclose(one.band, *bands, rel_tol=0.0, abs_tol=accepted)
-            ):
-                yield (
-                    f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}{unit}, accepted "
-                    f"{one.accepted_band:.2g}"
-                )
+            elif key not in old:
+                yield f"{place} is new: {new[key].value:.12g}{_unit_after(new[key])}"
+            else:
+                yield from _changes(place, old[key], new[key])
         # round-off decides which of equal stresses has the band, so bands are compared by quantity
-        had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}
-        for quantity in had ^ {
-            key.partition(".")[0] for key, each in new.items() if not np.isnan(each.band)
-        }:
+        had = {_quantity(key) for key, each in old.items() if len(each) == 2}
+        has = {_quantity(key) for key, each in new.items() if not np.isnan(each.band)}
+        for quantity in had ^ has:
             yield f"{name}: {question}.{quantity}: its bands appeared or disappeared"
+
+
+def _quantity(path: str) -> str:
+    """Return the quantity in the path of a number."""
+    return path.partition(".")[0]
+
+
+def _unit_after(number: Number) -> str:
+    return f" {number.unit.plain}".rstrip()
+
+
+def _changes(place: str, stored: Sequence[Any], number: Number) -> Iterator[str]:
+    """Yield how a number and its band differ from the stored ones, beyond their gates."""
+    unit = _unit_after(number)
+    before, *bands = (float(each) * number.unit.factor for each in stored)
+    if not math.isclose(number.value, before, rel_tol=0.0, abs_tol=number.accepted):
+        moved = f"moved {number.value - before:+.3g}, accepted {number.accepted:.2g}"
+        yield f"{place} was {before:.15g}, is {number.value:.15g}{unit}, {moved}"
+    if not bands or np.isnan(number.band):
+        return
+    (band,) = bands
+    larger = max(1.0, band / number.band) if number.band > 0 else 1.0
+    accepted = number.accepted_band * larger + number.accepted
+    if not math.isclose(number.band, band, rel_tol=0.0, abs_tol=accepted):
+        yield (
+            f"{place}: its band was {band:.6g}, is {number.band:.6g}{unit}, accepted "
+            f"{number.accepted_band:.2g}"
+        )
 
 
 def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
@@ -374,7 +392,7 @@ def _of_mechanism(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
 def _compared(found: Result) -> Numbers:
     """Return the numbers of a result by path, without those that repeat others."""
     repeated = {name for name, quantity in found.quantities.items() if quantity.repeated}
-    return _by_path(each for each in found.entries() if each.path.partition(".")[0] not in repeated)
+    return _by_path(each for each in found.entries() if _quantity(each.path) not in repeated)
 
 
 def _by_path(found: Iterable[Number]) -> Numbers:
@@ -440,20 +458,24 @@ def _compliance_on(mechanism: Mechanism, mesh: StageMesh) -> tuple[list[str], Ar
 
 def _of_study(path: Path) -> Iterator[Number]:
     """Yield the numbers of the collected table of a study."""
-    with tempfile.TemporaryDirectory() as folder:
-        status = flexfem.run_study(path, folder, workers=1)
-        if status["failed"]:
-            raise ComputationFailed(f"{path}: {', '.join(status['reasons']['failed'])}")
-        found = table(flexfem.collect_study(path, folder)["written"][0], as_arrow=True)
-    every = {name: found[name].to_numpy() for name in found.column_names}
-    columns = {name: values for name, values in every.items() if values.dtype.kind in "fi"}
-    sizes = sizes_of(columns) | dict.fromkeys(
-        ERRORS, np.asarray(100.0)
-    )  # the largest number of the column for others
     model = str(read_toml(path).data.get("model"))
+    columns = _table_of(path)
+    # the largest number of the column for others
+    sizes = sizes_of(columns) | dict.fromkeys(ERRORS, np.asarray(100.0))
     for name, values in columns.items():
         relative = STUDY_GATES.get(model) or STUDY_GATES.get(name.partition("_")[0], COARSER_TABLE)
         largest = np.max(np.abs(values), initial=0.0, where=~np.isnan(values))
         accepted = relative * np.broadcast_to(sizes.get(name, largest), values.shape)
         for k, (value, change) in enumerate(zip(values.tolist(), accepted.tolist(), strict=True)):
             yield _number(f"{name}.{k}", value, change)
+
+
+def _table_of(path: Path) -> dict[str, Array]:
+    """Return the columns of numbers of a study that is run and collected here."""
+    with tempfile.TemporaryDirectory() as folder:
+        status = flexfem.run_study(path, folder, workers=1)
+        if status["failed"]:
+            raise ComputationFailed(f"{path}: {', '.join(status['reasons']['failed'])}")
+        found = table(flexfem.collect_study(path, folder)["written"][0], as_arrow=True)
+    every = {name: found[name].to_numpy() for name in found.column_names}
+    return {name: values for name, values in every.items() if values.dtype.kind in "fi"}

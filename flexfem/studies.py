@@ -70,7 +70,9 @@ def processors() -> int:
     """Return the number of processors that this process may use, which may be a share of the
     machine.
     """
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def parts_of(study: PathLike, output: PathLike = REPORTS) -> Parts:
@@ -93,11 +95,8 @@ def _study_of(results: Path) -> tuple[Path, Path]:
     folder = Path(os.path.abspath(results))
     folder = folder.parent if folder.name == run.PARTS else folder
     try:
-        file = Path(
-            os.path.normpath(
-                folder / json.loads((folder / run.FILE).read_text(encoding="utf-8"))["study"]
-            )
-        )
+        stored = json.loads((folder / run.FILE).read_text(encoding="utf-8"))
+        file = Path(os.path.normpath(folder / stored["study"]))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise BadInput(
             f"{results}: no study has run in this folder, expected a study file or its results"
@@ -167,17 +166,13 @@ def run_study(
     facts = status_facts(parts, share)
     folder = parts.folder.parents[1]
     where = [] if folder.absolute() == REPORTS.absolute() else ["--output", str(folder)]
-    command = (
-        ["run", "--retry"]
-        if facts["failed"]
-        else ["status"]
-        if facts["open_elsewhere"]
-        else ["plot"]
-    )
-    facts |= {
-        "shard": shard,
-        "next": shlex.join(["flexfem", "study", *command, facts["file"], *where]),
-    }
+    command = ["plot"]
+    if facts["failed"]:
+        command = ["run", "--retry"]
+    elif facts["open_elsewhere"]:
+        command = ["status"]
+    following = shlex.join(["flexfem", "study", *command, facts["file"], *where])
+    facts |= {"shard": shard, "next": following}
     return Facts(facts, _lines(facts), bool(facts["open"] or (facts["failed"] and not facts["ok"])))
 
 
@@ -220,10 +215,8 @@ def clean_study(study: PathLike, output: PathLike = REPORTS, *, dry_run: bool = 
     """
     count, size = run.remove_stale(parts_of(study, output), dry_run)
     removed = bool(count) and not dry_run
-    line = (
-        f"{count:,} parts of other inputs or versions, {size / 1e6:.3g} MB: "
-        f"{'' if removed else 'nothing '}removed"
-    )
+    done = "removed" if removed else "nothing removed"
+    line = f"{count:,} parts of other inputs or versions, {size / 1e6:.3g} MB: {done}"
     return Facts({"stale": count, "bytes": size, "removed": removed}, [line])
 
 
@@ -286,17 +279,17 @@ def plot_study(study: PathLike, output: PathLike = REPORTS, *, partial: bool = F
     from flexfem.plot.study import write_study_figures  # heavy
 
     table, source, found = study_findings(study, output, partial)
-    written = [str(path) for path in (table.path, *write_study_figures(found, table.path.parent))]
-    refused = {
-        name: finding.reason for name, finding in found.items() if isinstance(finding, Refused)
-    }
+    images = write_study_figures(found, table.path.parent)
     warnings = [*run.warnings_of_factors(parts_of(study, output)), *source.table.warnings]
-    figures = {name: facts_of(finding) for name, finding in found.items()}
-    lines = [*written, *(f"warning: {text}" for text in warnings)]
-    lines += [f"{name} is not drawn: {reason}" for name, reason in refused.items()]
-    return Facts(
-        {"written": written, "warnings": warnings, "findings": figures}, lines, bool(refused)
-    )
+    facts = {
+        "written": [str(path) for path in (table.path, *images)],
+        "warnings": warnings,
+        "findings": {name: facts_of(finding) for name, finding in found.items()},
+    }
+    refused = {name: one for name, one in found.items() if isinstance(one, Refused)}
+    lines = [*facts["written"], *(f"warning: {text}" for text in warnings)]
+    lines += [f"{name} is not drawn: {finding.reason}" for name, finding in refused.items()]
+    return Facts(facts, lines, bool(refused))
 
 
 def study_findings(

@@ -13,6 +13,7 @@ from flexfem.design.requirements import LoadedRequirements
 from flexfem.design.scatter import CouplingQuantiles
 from flexfem.questions.setup import sharp_roots
 from flexfem.questions.stiffness import stiffness
+from flexfem.results import Result
 from flexfem.study.loaded import LoadedStudy, mechanism_of
 
 LINEAR = {  # numbers by linear theory, and the range at finite displacement that they stand for
@@ -108,20 +109,25 @@ class DesignKind:
             return []
         texts = list[str]()
         for path in linear:
-            name, direction = path.split(".")[1], path.split(".")[-1]
-            quantity, others = LINEAR[name]
-            ends = np.abs(found.at(quantity, others=others, direction=direction))
-            by_theory = float(found.at(name, direction=direction)[0])
-            change = 100 * (float(np.min(ends)) / by_theory - 1)
-            if not abs(change) <= WORTH_A_WARNING:
-                found_by = "beams find no end"
-                if np.isfinite(change):
-                    found_by = f"beams differ by {change:+.2g} %"
-                better = f"stiffness.{quantity}.{others}.positive.{direction}"
-                texts.append(
-                    f"{path} is by linear theory; of {better}, at finite displacement, {found_by}"
-                )
+            texts += _difference_of_beams(path, found)
         return texts
+
+
+def _difference_of_beams(path: str, found: Result) -> list[str]:
+    """Return a warning on a number by linear theory that beams at finite displacement contradict.
+
+    found : the stiffness of the design.
+    """
+    _, name, *_, direction = path.split(".")
+    quantity, others = LINEAR[name]
+    ends = np.abs(found.at(quantity, others=others, direction=direction))
+    by_theory = float(found.at(name, direction=direction)[0])
+    change = 100 * (float(np.min(ends)) / by_theory - 1)
+    if abs(change) <= WORTH_A_WARNING:
+        return []
+    found_by = f"beams differ by {change:+.2g} %" if np.isfinite(change) else "beams find no end"
+    better = f"stiffness.{quantity}.{others}.positive.{direction}"
+    return [f"{path} is by linear theory; of {better}, at finite displacement, {found_by}"]
 
 
 def kind_of(loaded: LoadedRequirements) -> DesignKind:

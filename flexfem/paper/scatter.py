@@ -112,13 +112,16 @@ def _couplings(chains: Array) -> Array:
     """Return `K_ij / sqrt(K_ii K_jj)` (3, stages) of xy, xt, yt from compliances (3 chains, 6
     entries, stages).
     """
-    a, b, c, d, e, f = np.moveaxis(chains, 1, 0)
-    A = d * f - e * e
-    B = c * e - b * f
-    C = b * e - c * d
-    D = a * f - c * c
-    E = b * c - a * e
-    F = a * d - b * b
-    over = 1 / (a * A + b * B + c * C)
-    xx, xy, xt, yy, yt, tt = (np.sum(cofactor * over, axis=0) for cofactor in (A, B, C, D, E, F))
+    cofactors = _cofactors(chains)
+    x, y, theta = (chains[:, k] * cofactors[:, k] for k in range(3))
+    over = 1 / (x + y + theta)
+    xx, xy, xt, yy, yt, tt = np.sum(cofactors * over[:, None], axis=0)
     return np.stack([xy / np.sqrt(xx * yy), xt / np.sqrt(xx * tt), yt / np.sqrt(yy * tt)])
+
+
+def _cofactors(matrices: Array) -> Array:
+    """Return the cofactors (n, 6, ...) of symmetric matrices (n, 6, ...), in the order of `UPPER`."""
+    a, b, c, d, e, f = np.moveaxis(matrices, 1, 0)
+    first_row = [d * f - e * e, c * e - b * f, b * e - c * d]
+    others = [a * f - c * c, b * c - a * e, a * d - b * b]
+    return np.stack([*first_row, *others], axis=1)

@@ -373,19 +373,29 @@ def _errors(
     across = np.max(np.abs(errors - np.diag(along)), axis=0)
     if not requests.bands:
         return ErrorPercentages(along[None], across[None], None)
-    on_meshes = {resolution: along}
-    failures = list[ComputationFailed]()
-    for coarser in levels(resolution)[1::-1]:
-        try:
-            C = elements(stage, coarser, limit).compliance
-            on_meshes = {coarser: np.diag(error_matrix(predicted, C, lever))} | on_meshes
-        except MeshTimeout:
-            raise
-        except ComputationFailed as failure:
-            failures.append(failure)
-    if len(on_meshes) == 1:
-        raise failures[-1]
+    on_meshes = _on_coarser_meshes(stage, resolution, limit, predicted) | {resolution: along}
     resolutions = np.array(list(on_meshes))
     by_direction = np.transpose(list(on_meshes.values()))
     half_widths = [mesh_band(resolutions, values) for values in by_direction]
     return ErrorPercentages(along[None], across[None], np.array([half_widths]))
+
+
+def _on_coarser_meshes(
+    stage: Stage, resolution: int, limit: Limit, predicted: Array
+) -> dict[int, Array]:
+    """Return the errors (3,) along the commands on coarser meshes, coarse to fine; one mesh may
+    fail.
+    """
+    found = dict[int, Array]()
+    failures = list[ComputationFailed]()
+    for coarser in levels(resolution)[:2]:
+        try:
+            C = elements(stage, coarser, limit).compliance
+            found[coarser] = np.diag(error_matrix(predicted, C, stage.lever))
+        except MeshTimeout:
+            raise
+        except ComputationFailed as failure:
+            failures.append(failure)
+    if not found:
+        raise failures[0]
+    return found

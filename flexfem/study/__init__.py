@@ -34,22 +34,19 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
     from flexfem.refused import BadInput
 
     source = checked_path(path)
+    files = sorted(source.glob("*.parquet")) if source.is_dir() else [source]
     tables = []
     try:
-        for file in sorted(source.glob("*.parquet")) if source.is_dir() else [source]:
-            content = BufferReader(
-                file.read_bytes()
-            )  # pyarrow opens no file whose name is not UTF-8
-            tables.append(
-                csv.read_csv(content) if file.suffix == ".csv" else parquet.read_table(content)
-            )
+        for file in files:
+            # pyarrow opens no file whose name is not UTF-8
+            content = BufferReader(file.read_bytes())
+            read = csv.read_csv if file.suffix == ".csv" else parquet.read_table
+            tables.append(read(content))
         joined = concat_tables(tables)
     except (OSError, ArrowException) as error:
-        reason = (
-            "no such file"
-            if isinstance(error, FileNotFoundError)
-            else "damaged, or neither Parquet nor CSV"
-        )
+        reason = "damaged, or neither Parquet nor CSV"
+        if isinstance(error, FileNotFoundError):
+            reason = "no such file"
         raise BadInput(f"{source}: expected the table of a study: {reason}") from None
     if not {"design", "status", "reason"} <= set(joined.column_names):
         raise BadInput(
