@@ -27,6 +27,7 @@ from flexfem.study.answer import answer_designs
 from flexfem.study.fronts import non_dominated
 from flexfem.study.loaded import mechanism_of
 from flexfem.study.names import axis_of, factor
+from flexfem.study.tables import Better
 
 PLANE_ALONE = {
     *outputs.DRIVE_RANGES,
@@ -98,7 +99,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
 def _objectives(last: Proof) -> list[record.Goal]:
     goals = []
     for k, objective in enumerate(last.model.required.objective):
-        better = "larger" if objective.sign < 0 else "smaller"
+        better: Better = "larger" if objective.sign < 0 else "smaller"
         goals.append(record.Goal(**_quantity(last, k, objective), better=better))
     return goals
 

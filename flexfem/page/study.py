@@ -16,9 +16,10 @@ from flexfem.page.section import PageSection, facts, folded, notes, shown_figure
 from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import TextTable, thousands
-from flexfem.study import names, records, source
+from flexfem.study import names, records
 from flexfem.study.factors import Factor
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.source import Source
 from flexfem.study.tables import limits_text
 
 DIGITS = 5
@@ -30,7 +31,7 @@ Part: TypeAlias = tuple[
 
 
 def study_parts(
-    source: source.Source,
+    source: Source,
     found: dict[str, records.Record | records.Refused],
     status: dict[str, Any],
 ) -> list[Part]:
@@ -82,7 +83,7 @@ def formatted(value: float) -> str:
     )
 
 
-def setup_section(source: source.Source, status: dict[str, Any]) -> PageSection:
+def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
     """Return the settings of a study and the counts of its designs; `status` is from
     `studies.study_status`.
     """
@@ -168,7 +169,7 @@ def output_table(loaded: LoadedStudy) -> Markup:
     return Markup(table(TextTable(["output", "column", "unit", "expression"], rows, 4, "Outputs")))
 
 
-def constraint_table(source: source.Source) -> Markup:
+def constraint_table(source: Source) -> Markup:
     """Return the constraints of a study; the table is empty in a study without any."""
     rows = [[each.title, each.value, each.expected] for each in source.loaded.study.constraint]
     return Markup(table(TextTable(["constraint", "expression", "limits"], rows, 3, "Constraints")))

@@ -57,12 +57,12 @@ def write_study_figures(
 
     Returns the paths written. Raises BadInput when a file cannot be written.
     """
-    records = {
-        name: record for name, record in found.items() if not isinstance(record, records.Refused)
+    pages = {
+        folder / f"{name}.png": partial(page_of, record)
+        for name, record in found.items()
+        if not isinstance(record, records.Refused)
     }
-    return write_each(
-        {folder / f"{name}.png": partial(page_of, record) for name, record in records.items()}
-    )
+    return write_each(pages)
 
 
 def page_of(record: records.Record) -> Figure:

@@ -8,7 +8,7 @@ from itertools import compress, pairwise
 
 import numpy as np
 
-from flexfem.arrays import ROUND_OFF, Array
+from flexfem.arrays import ROUND_OFF, Array, Index
 from flexfem.fem.mesher import MeshTimeout
 from flexfem.files.toml import bad_key
 from flexfem.refused import BadInput, ComputationFailed
@@ -73,7 +73,7 @@ def _batched_rows(loaded: LoadedStudy, batch: Batch, values: Array) -> Rows:
 
 
 def _ask_missing(
-    loaded: LoadedStudy, values: Array, rows: Rows, missing: Sequence[str], designs: Array
+    loaded: LoadedStudy, values: Array, rows: Rows, missing: Sequence[str], designs: Index
 ) -> None:
     """Set outputs that a batch does not compute, or why there are none, in the rows of designs."""
     family = loaded.family

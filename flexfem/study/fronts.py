@@ -39,7 +39,8 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     y_axis = designs.axes[y]
     return ParetoFront(
         source.caption(figure, f"{y_axis.name} against {x_axis.name}", *designs.notes(power, gain)),
-        *designs.scaled_axes,
+        designs.scaled_axis(0),
+        designs.scaled_axis(1),
         (figure.x_better, figure.y_better),
         points,
         found.places,
@@ -73,13 +74,10 @@ class _FrontDesigns:
         factors = [column.name for column in self.source.loaded.columns]
         return {name: self.source.quantity(name) for name in dict.fromkeys([*self.names, *factors])}
 
-    @property
-    def scaled_axes(self) -> list[AxisText]:
-        """The axes of x and y, logarithmic where the numbers of designs cover a wide range."""
-        return [
-            self.axes[name]._replace(log=self.axes[name].log or is_wide(values))
-            for name, values in zip(self.names, self.points.T, strict=True)
-        ]
+    def scaled_axis(self, which: int) -> AxisText:
+        """Return the axis of x, 0, or y, 1, logarithmic where its numbers cover a wide range."""
+        axis = self.axes[self.names[which]]
+        return axis._replace(log=axis.log or is_wide(self.points[:, which]))
 
     def mechanisms_at(self, places: Index) -> Iterator[Mechanism | None]:
         """Yield the designs at places among these, None for one that cannot be made."""

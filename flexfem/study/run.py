@@ -343,7 +343,7 @@ def run_parts(
     try:
         say(run.progress())
         for task, result in workers.results(solve_task, run.next_task, _limit):
-            if run.take(task, result):
+            if run.take(Task(*task), result):
                 say(run.progress())
     except KeyboardInterrupt as stop:
         kept = f"{run.counts.total():,} of {run.designs:,} designs are kept in {parts.folder}"
@@ -430,8 +430,8 @@ def _failed(counts: Counts) -> bool:
     return any(status in RETRIED for status, _ in counts)
 
 
-def _limit(task: Task) -> float:
-    """Return the seconds that a task may take."""
+def _limit(task: Any) -> float:
+    """Return the seconds that a `Task` may take."""
     study = task.parts.loaded.study
     if study.model == "analytic":
         return ANALYTIC_LIMIT
