@@ -39,8 +39,8 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.mechanism.materials import register_material as register_material
     from flexfem.mechanism.mechanism_file import Mechanism as Mechanism
     from flexfem.mechanism.mechanism_file import MechanismFile as MechanismFile
-    from flexfem.page.report import plot_results as plot_results
     from flexfem.page.report import report as report
+    from flexfem.page.stored import plot_results as plot_results
     from flexfem.paper.actuators import Actuator as Actuator
     from flexfem.paper.experiment import experiment as experiment
     from flexfem.paper.identify import identify as identify
@@ -144,7 +144,7 @@ OTHERS = {  # module of names that scripts may use, too; documented in their mod
     "serve": "live.server",
     "materials": "mechanism.materials",
     "register_material": "mechanism.materials",
-    "plot_results": "page.report",
+    "plot_results": "page.stored",
     "AnalyticModel": "paper.models",
     "ElementModel": "paper.models",
     "Errors": "paper.models",

@@ -1,150 +1,59 @@
-"""The opening of a page on a stage or mechanism: its most important numbers by one model, and its
-motions.
-"""
+"""The opening of a page on a mechanism: its most important numbers by one model, and its motions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
-from flexfem.mechanism.mechanism import Mechanism
 from flexfem.page.section import moving_svg, parts
-from flexfem.paper.commanding import DrivenElements, driven_elements
-from flexfem.paper.stage import Stage
-from flexfem.plot.style import NAMES
 from flexfem.questions import bands as comparison
-from flexfem.questions.budget import budget
-from flexfem.questions.drive import drive
-from flexfem.questions.modes import modes
-from flexfem.questions.reach import reach
-from flexfem.questions.stiffness import stiffness
-from flexfem.results import ANALYTIC, ELEMENTS, SOLID, SPACE, Result, TextTable, number
-from flexfem.units import DIRECTIONS, PLANES, Direction
+from flexfem.results import ANALYTIC, ELEMENTS, SPACE, Result, TextTable, number
+from flexfem.units import DIRECTIONS, FORCES
 
-Ask: TypeAlias = Callable[
-    [Callable[..., Any]], Any
-]  # answers a question about the subject of a page, once
-ENDS = partial(reach, models="analytic")
-SHARES = partial(budget, plane=True)
-BEAMS = (
-    partial(stiffness, models="analytic"),
-    partial(modes, models="analytic", count=1),
-)  # without finite elements
 AT_REST = {
     "free": "stiffness, other directions free",
     "yield_range": "range at yield, other directions held, linear, ±",
     "yield_force": "force at yield, other directions held, linear",
     "stress": "highest stress per displacement",
 }
-LINEAR = (
-    "yield_range",
-    "yield_force",
-)  # by linear theory; left out where the range at finite displacement is known
+# by linear theory; left out where the range at finite displacement is known
+LINEAR = ("yield_range", "yield_force")
 SENSES = ("positive", "negative")
 UNKNOWN = "not known"
-COARSE = 2  # triangles across a neck, for the motions by actuators, which are only drawn
 MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to stop or start it."
+HEAD = ["", "X", "Y", "θ"]
 
 
-def opening(
-    subject: Mechanism, ask: Ask, sections: Sequence[str], meshed: bool, drawing: Markup
-) -> Markup:
-    """Return the drawing of a stage or mechanism beside its key results, and its motions.
+class KeyResults(NamedTuple):
+    """The key results of a page.
 
-    meshed : whether the numbers are those of finite elements; otherwise they are those of the
-    analytic model."""
-    at_rest, vibrating = (ask(question) for question in ((stiffness, modes) if meshed else BEAMS))
-    plane = PLANES[subject.model]
-    model = at_rest.axes["model"][-1] if meshed else ANALYTIC
-    analytic = at_rest.settings.get("analytic model", f"rigid bodies, hinges as beams, {plane}")
-    rows = rows_at_rest(at_rest, model, analytic)
-    first = vibrating.axes["mode"][0]  # with layers "1 in the plane" or "1 out of the plane"
-    motion_of_first = first.partition(" ")[2] or "in the plane"
-    singles = [
-        (
-            f"first natural frequency, {motion_of_first}",
-            vibrating.texts("frequency", mode=first)[-1],
-        )
-    ]
-    if "first_out_of_plane" in vibrating.values and motion_of_first == "in the plane":
-        singles.append(
-            ("first natural frequency, out of the plane", vibrating.texts("first_out_of_plane")[0])
-        )
-    figures = list[Markup]()
-    fields = vibrating.fields
-    if meshed and fields is not None:  # a mechanism in three dimensions has none
-        shape = fields.shapes[0] if isinstance(subject, Stage) else fields.made()["mode 1"]
-        figures.append(
-            _moving("0", f"First natural mode, {singles[0][1]}.", fields.mesh, shape, True)
-        )
-    if isinstance(subject, Stage):
-        if meshed and "budget" in sections:
-            shares = ask(SHARES)
-            title = f"error of the displacement by the paper's model ({shares.settings['model']})"
-            rows.append([title, *shares.texts("share", share="total")])
-        if meshed and "thickness" in at_rest.values:
-            rows.append(
-                [
-                    "change of the stiffness in three dimensions, not included",
-                    *at_rest.texts("thickness"),
-                ]
-            )
-        if "drive" in sections and subject.actuator:
-            ends = [
-                ask(ENDS).texts("ends", others="zero", end=end, model=ANALYTIC)
-                for end in ("low", "high")
-            ]
-            cells = map(" to ".join, zip(*ends, strict=True))
-            rows.append(["range of the drive, others at zero, by the analytic model", *cells])
-            if meshed:
-                elements = driven_elements(subject, COARSE)
-                for axis in DIRECTIONS:
-                    caption = f"Motion in {NAMES[axis]} by the actuators."
-                    field = driven_field(elements, axis)
-                    figures.append(_moving(axis, caption, elements.mesh, field, True))
-    elif actuators := at_rest.axes.get("actuator", ()):
-        driven = ask(drive)
-        output = subject.layout.points[0][0]
-        for name in actuators:
-            at: dict[str, str] = {"actuator": name, "model": model}
-            gain = at_rest.texts("amplification", **at)
-            motion = driven.texts("motion", point=output, **at)
-            rows.append([f"amplification: output motion per opening of actuator {name}", *gain])
-            rows.append([f"output motion by the full stroke of actuator {name}", *motion])
-            singles += errors_driven(at_rest, name, analytic) if meshed else []
-            singles.append(
-                (f"input stiffness at actuator {name}", at_rest.texts("input_stiffness", **at)[0])
-            )
-            singles.append(
-                (
-                    f"highest stress at the full stroke of actuator {name}",
-                    driven.texts("stress", **at)[0],
-                )
-            )
-            if meshed:
-                mesh = driven.fields.mesh
-                field = driven.fields.made()[name]
-                figures.append(
-                    _moving(f"{len(figures)}", f"Motion by actuator {name}.", mesh, field, False)
-                )
-    caption = f"Key results by the analytic model ({analytic})."
-    if meshed:
-        solved = (
-            "finite elements in three dimensions"
-            if model == SOLID
-            else f"plane finite elements, {plane}"
-        )
-        caption = f"Key results by {solved}. ±: numerical uncertainty."
-    rows = [[title, *map(_unbroken, cells)] for title, *cells in rows]
-    return Markup(
-        parts.opened(drawing, figures, TextTable(["", "X", "Y", "θ"], rows, 1, caption), singles)
-    )
+    rows : a title, and a cell for each direction.
+    singles : titles and values of single numbers.
+    motions : moving outlines.
+    """
+
+    rows: list[list[str]]
+    singles: list[tuple[str, str]]
+    motions: list[Markup]
+
+    def add_motion(
+        self, name: str, caption: str, mesh: StageMesh, field: Array, swings: bool
+    ) -> None:
+        """Add the motion of a mesh by a field (n, 2); `swings` to both sides, as a mode does."""
+        svg = moving_svg(mesh.nodes, mesh.triangles, field, swings)
+        framed = parts.framed(f"motion-{name}", svg, f"{caption} {MOVING}", caption)
+        self.motions.append(Markup(framed))
+
+
+def opened(drawing: Markup, key: KeyResults, caption: str) -> Markup:
+    """Return a drawing beside its key results, and its motions."""
+    rows = [[title, *map(_unbroken, cells)] for title, *cells in key.rows]
+    numbers = TextTable(HEAD, rows, 1, caption)
+    return Markup(parts.opened(drawing, key.motions, numbers, key.singles))
 
 
 def _unbroken(text: str) -> str:
@@ -154,45 +63,70 @@ def _unbroken(text: str) -> str:
     return text.replace("/", "/\N{WORD JOINER}")
 
 
-def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
-    """Return the rows of a model by direction, and of errors of the others from it; `analytic`
-    names the analytic one.
+def first_frequencies(vibrating: Result) -> list[tuple[str, str]]:
+    """Return titles and values of the first frequency, and of the first one out of the plane."""
+    first = vibrating.axes["mode"][0]  # with layers "1 in the plane" or "1 out of the plane"
+    motion = first.partition(" ")[2] or "in the plane"
+    value = vibrating.texts("frequency", mode=first)[-1]
+    singles = [(f"first natural frequency, {motion}", value)]
+    if "first_out_of_plane" in vibrating.values and motion == "in the plane":
+        lifted = vibrating.texts("first_out_of_plane")[0]
+        singles.append(("first natural frequency, out of the plane", lifted))
+    return singles
 
-    The stage has no band of the force at yield: it is that of the stiffness and of the range,
-    relative."""
-    K, width = (
-        np.diagonal(part, axis1=1, axis2=2)
-        for part in (found.at("stiffness"), found.band("stiffness"))
-    )
-    widths = dict(found.internal.bands)
-    if "yield_force" in found.values:
-        share = found.band("yield_range") / found.at("yield_range")
-        widths.setdefault("yield_force", found.at("yield_force") * (share + width / K))
-    found = type(found)(found.about, found.internal.values, widths, found.axes)
-    held = [
-        found.texts("stiffness", model=model, component=axis)[k]
-        for k, axis in enumerate(DIRECTIONS)
-    ]
+
+def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
+    """Return the rows of a model by direction, and of the errors of the others from it.
+
+    analytic : name of the only analytic model.
+    """
+    held = list[str]()
+    for k, axis in enumerate(DIRECTIONS):
+        held.append(found.texts("stiffness", model=model, component=axis)[k])
     rows = [["stiffness, other directions held", *held]]
-    at_rest = {name: title for name, title in AT_REST.items() if name in found.values}
-    if "range" in found.values:
-        at_rest = {name: title for name, title in at_rest.items() if name not in LINEAR}
-    rows += [[title, *found.texts(name, model=model)] for name, title in at_rest.items()]
-    rows += rows_of_range(found)
+    for name, title in AT_REST.items():
+        if name not in found.values or (name in LINEAR and "range" in found.values):
+            continue
+        if name == "yield_force" and name not in found.bands:
+            rows.append([title, *_force_at_yield(found, model)])
+        else:
+            rows.append([title, *found.texts(name, model=model)])
+    return rows + rows_of_range(found) + _rows_of_errors(found, analytic)
+
+
+def _force_at_yield(found: Result, model: str) -> list[str]:
+    """Return cells of the force at yield.
+
+    Its relative band is the sum of those of the stiffness and of the range, whose product it is.
+    """
+    stiffness = np.diagonal(found.at("stiffness", model=model))
+    of_stiffness = np.diagonal(found.band("stiffness", model=model)) / stiffness
+    reach = found.at("yield_range", model=model)
+    of_range = found.band("yield_range", model=model) / reach
+    force = found.at("yield_force", model=model)
+    bands = force * (of_stiffness + of_range)
+    cells = zip(force.tolist(), bands.tolist(), FORCES, strict=True)
+    return [f"{number(value, band)} {unit}" for value, band, unit in cells]
+
+
+def _rows_of_errors(found: Result, analytic: str) -> list[list[str]]:
+    """Return the errors of the stiffness, others free, of all models but the last, %."""
     free = found.internal.values["free"]
-    band = found.band("free")
+    last = free[-1]
+    relative_band = (found.band("free") / free)[-1]
     unused = comparison.held(found.internal.values["compliance"][-1], found.about.lever)
+    rows = list[list[str]]()
     for label, other in zip(found.axes["model"][:-1], free[:-1], strict=True):
-        ratio = 100 * other / free[-1]
-        pairs = zip(unused, ratio - 100, ratio * (band / free)[-1], strict=True)
-        errors = ["held" if out else f"{number(*pair)} %" for out, *pair in pairs]
-        rows.append([f"error of the stiffness, others free, by {_model(label, analytic)}", *errors])
+        ratio = 100 * other / last
+        cells = zip(unused, ratio - 100, ratio * relative_band, strict=True)
+        errors = ["held" if out else f"{number(error, band)} %" for out, error, band in cells]
+        title = f"error of the stiffness, others free, by {_model(label, analytic)}"
+        rows.append([title, *errors])
     return rows
 
 
 def rows_of_range(found: Result) -> list[list[str]]:
-    """Return the rows of the range of the output at finite displacement, the limit that ends it,
-    and the force there.
+    """Return the rows of the range at finite displacement, of its limits, and of the force there.
 
     There are none for a result that has no such range.
     """
@@ -200,46 +134,42 @@ def rows_of_range(found: Result) -> list[list[str]]:
         return []
     rows = list[list[str]]()
     for others in ("free", "held"):
-        ends = [_limits(found, others, sense) for sense in SENSES]
-        rows.append(
-            [f"range until a limit, other directions {others}", *_both_ways(found, "range", others)]
-        )
-        rows.append(
-            [
-                "limit",
-                *(
-                    first if first == last else f"{first}; {last}"
-                    for first, last in zip(*ends, strict=True)
-                ),
-            ]
-        )
-        rows.append(["force at the end of the range", *_both_ways(found, "range_force", others)])
+        ranges = _both_ways(found, "range", others)
+        rows.append([f"range until a limit, other directions {others}", *ranges])
+        rows.append(["limit", *_limits(found, others)])
+        forces = _both_ways(found, "range_force", others)
+        rows.append(["force at the end of the range", *forces])
     return rows
 
 
 def _both_ways(found: Result, name: str, others: str) -> list[str]:
-    """Return cells with the ends of both senses of every direction, or with one if they differ in
-    sign alone.
-    """
-    texts = [found.texts(name, others=others, sense=sense) for sense in SENSES]
-    return [
-        f"{there} each way"
-        if there and back == f"-{there}"
-        else f"{there or UNKNOWN} to {back or UNKNOWN}"
-        for there, back in zip(*texts, strict=True)
-    ]
+    """Return the ends of both senses of every direction; one if they differ in sign alone."""
+    cells = list[str]()
+    positive, negative = (found.texts(name, others=others, sense=sense) for sense in SENSES)
+    for there, back in zip(positive, negative, strict=True):
+        if there and back == f"-{there}":
+            cells.append(f"{there} each way")
+        else:
+            cells.append(f"{there or UNKNOWN} to {back or UNKNOWN}")
+    return cells
 
 
-def _limits(found: Result, others: str, sense: str) -> list[str]:
-    """Return the limits that end the range along every direction in a sense."""
+def _limits(found: Result, others: str) -> list[str]:
+    """Return the limits that end the range along every direction, in both senses."""
+    cells = list[str]()
+    positive, negative = (_limits_of_sense(found, others, sense) for sense in SENSES)
+    for there, back in zip(positive, negative, strict=True):
+        cells.append(there if there == back else f"{there}; {back}")
+    return cells
+
+
+def _limits_of_sense(found: Result, others: str, sense: str) -> list[str]:
     governing = found.at("range_limit", others=others, sense=sense)
     return [found.axes["limit"][row] for row in np.argmax(governing, axis=0)]
 
 
 def errors_driven(found: Result, actuator: str, analytic: str) -> list[tuple[str, str]]:
-    """Return the errors of the amplification of an actuator by all models but the last, with their
-    titles.
-    """
+    """Return the errors of the amplification of an actuator by all models but the last."""
     place = found.axes["actuator"].index(actuator)
     lever = found.about.lever
     *models, elements = found.internal.values["amplification"][place]
@@ -254,25 +184,7 @@ def errors_driven(found: Result, actuator: str, analytic: str) -> list[tuple[str
 
 
 def _model(label: str, analytic: str) -> str:
-    """Name an analytic model by its label, or the only analytic one by a description; plane finite
-    elements as such.
-    """
+    """Return the name of a model in a sentence; `analytic` describes the only analytic one."""
     if label == ELEMENTS:
         return "plane finite elements"
     return f"the analytic model ({analytic if label == ANALYTIC else label})"
-
-
-def driven_field(elements: DrivenElements, direction: Direction) -> Array:
-    """Return the displacements (n, 2), mm, for a unit pose along a direction by the strokes of
-    least energy.
-    """
-    system = elements.system
-    lever = elements.stage.chain.link_lengths[2]
-    load = np.zeros(3)
-    strokes = system.commands(np.eye(3)[DIRECTIONS.index(direction)], load, lever, "least energy")
-    return np.asarray(np.tensordot(system.moved(strokes, load).force, elements.fields[3:], axes=1))
-
-
-def _moving(name: str, caption: str, mesh: StageMesh, field: Array, swings: bool) -> Markup:
-    svg = moving_svg(mesh.nodes, mesh.triangles, field, swings)
-    return Markup(parts.framed(f"motion-{name}", svg, f"{caption} {MOVING}", caption))

@@ -11,7 +11,7 @@ import hashlib
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -49,6 +49,9 @@ class PageSection(NamedTuple):
     id: str
     title: str
     html: Markup
+
+
+Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and what makes the section
 
 
 def sentence(text: str) -> str:

@@ -5,16 +5,21 @@ their numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
-from flexfem.page.section import PageSection, facts, folded, notes, shown_figure, table
+from flexfem import studies
+from flexfem.files.refusals import place_of
+from flexfem.page.section import PageSection, Part, facts, folded, notes, shown_figure, table
+from flexfem.page.sources import ASSUMED, NOT_STATED, sources_section
+from flexfem.page.subject import Subject
 from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
+from flexfem.refused import BadInput
 from flexfem.results import TextTable, thousands
 from flexfem.study import names, records
 from flexfem.study.factors import Factor
@@ -25,9 +30,26 @@ from flexfem.study.tables import limits_text
 DIGITS = 5
 TEN = 10  # designs of a front that are listed at once
 ROWS = 400  # of a table; the JSON of flexfem study plot holds all
-Part: TypeAlias = tuple[
-    str, Callable[[], PageSection]
-]  # a name, and the function that makes the section
+
+
+def study_subject(path: Path, folder: Path) -> Subject:
+    """Return the subject of the page of a study. Raises BadInput for one that is not complete."""
+    parts_on_disk = studies.parts_of(path, folder)
+    status = studies.status_facts(parts_on_disk)
+    if status["open"]:
+        raise BadInput(
+            f"{place_of(path)}: {status['open']} of {status['designs']} designs are unfinished in "
+            f"{place_of(status['folder'])}. Run `flexfem study run`"
+        )
+    found = studies.findings_of(parts_on_disk)
+    loaded = found.source.loaded
+    texts = {f"stage: {key}": text for key, text in loaded.base.sources.items()}
+    texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
+    rows = [[key, ASSUMED, texts.get(key) or ""] for key in status["assumed"]]
+    rows += [[key, NOT_STATED, texts.get(key) or ""] for key in status["not_stated"]]
+    made = study_parts(found.source, found.found, status)
+    made.append(("sources", partial(sources_section, rows, "source")))
+    return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], made)
 
 
 def study_parts(

@@ -140,6 +140,7 @@ class Verification(Result):
     """Finite-element displacement compared with the commanded one, for each curve of a case."""
 
     title = "errors of the finite-element displacement"
+    stored_by = "paper.page"
     main = ("percent", {})
     columns = ("direction",)
     reading = ("errors are those at the largest command; rotations are multiplied by l3",)

@@ -247,8 +247,10 @@ class Declared:
     columns: ClassVar[tuple[str, ...]] = ("direction",)
     # the main result: a quantity at labels of its axes
     main: ClassVar[tuple[str, Mapping[str, str]] | None] = None
-    figure: ClassVar[str] = ""  # module and function under flexfem.plot that draw it
+    figure: ClassVar[str] = ""  # module and function that draw it, see `flexfem.plot.figures_of`
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
+    # module under flexfem that shows stored results with fields: `write_stored`, `stored_section`
+    stored_by: ClassVar[str] = ""
     reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
     # key of the file that the main result depends on: its warning is printed first
     main_key: ClassVar[str] = ""

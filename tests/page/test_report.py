@@ -16,8 +16,8 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 import flexfem
-from flexfem.page import report as page_of_files
-from flexfem.page.key import driven_field, rows_at_rest
+from flexfem.page import stored as page_of_files
+from flexfem.page.key import rows_at_rest
 from flexfem.page.report import SECTIONS, STANDARD, command_line, report
 from flexfem.page.section import (
     PageSection,
@@ -32,6 +32,7 @@ from flexfem.page.section import (
     table,
 )
 from flexfem.paper.commanding import driven_elements
+from flexfem.paper.page import driven_field
 from flexfem.paper.stiffness import StageStiffness
 from flexfem.plot.style import house_style
 from flexfem.questions.stiffness import Stiffness
