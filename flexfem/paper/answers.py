@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION
+from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import Response
 from flexfem.files.provenance import Assumptions, Sourced, assumptions
 from flexfem.files.tables import once
@@ -77,7 +77,7 @@ def mesh_of(
     layers: int | None = None,
     least: int = 4,
     usual: int = RESOLUTION,
-    usual_solid: int = SOLID_RESOLUTION,
+    usual_solid: int | None = None,
 ) -> Mesh | None:
     """Return the requested mesh of a stage, by default the usual one. Raises BadInput as
     `setup.mesh_of`.

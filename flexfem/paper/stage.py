@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Any, ClassVar, Self
 
 from flexfem.arrays import AnyArray
+from flexfem.fem.mesh import SOLID_RESOLUTION
 from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import key_path
 from flexfem.files.toml import PathLike
@@ -58,6 +59,7 @@ class Stage(StageContent):
     analytic model only.
     """
 
+    solid_resolution: ClassVar[int] = SOLID_RESOLUTION
     not_exported: ClassVar[tuple[str, ...]] = (
         "the models clamp only the back edges of the pads and fill the hub hole with a rigid disc",
     )

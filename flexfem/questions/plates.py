@@ -24,7 +24,7 @@ from flexfem.fem.body_stress import (
     point_stress,
 )
 from flexfem.fem.elements import Layers
-from flexfem.fem.mesh import StageMesh, welded
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import (
@@ -41,9 +41,6 @@ from flexfem.files.tables import once
 from flexfem.hinges.wide import contraction
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.paper.fields import neck_stresses
-from flexfem.paper.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import (
     HELD,
@@ -55,7 +52,6 @@ from flexfem.questions.bands import (
     free_errors,
     held,
     levels,
-    solve_solid,
 )
 from flexfem.questions.setup import (
     ELASTIC,
@@ -65,10 +61,8 @@ from flexfem.questions.setup import (
     answer,
     on_meshes,
     require_hinges,
-    sectors_of,
 )
 from flexfem.questions.setup import mesh_of as plain_mesh_of
-from flexfem.questions.setup import solved as solved_stage
 from flexfem.results import (
     ANALYTIC,
     COARSER,
@@ -172,16 +166,14 @@ class ElasticParts(NamedTuple):
 
 
 @once
-def meshed(plate: Mechanism, resolution: int) -> StageMesh:
+def meshed(mechanism: Mechanism, resolution: int) -> StageMesh:
     """Mesh the plate."""
-    if isinstance(plate, Stage):
-        return welded(sectors_of(plate, resolution))[0]
-    return mesh_layout(plate.layout, resolution)
+    return mesh_layout(mechanism.layout, resolution)
 
 
-def layers_of(plate: Mechanism, number: int) -> Layers | None:
+def layers_of(mechanism: Mechanism, number: int) -> Layers | None:
     """Return layers graded for the narrowest neck; None for number 0, in the plane."""
-    return layers_of_layout(plate.layout, number) if number else None
+    return layers_of_layout(mechanism.layout, number) if number else None
 
 
 @once
@@ -200,20 +192,16 @@ def factorised(
     through = layers_of(mechanism, layers)
     if through is None:
         return model_of(mechanism, resolution)
-    return plate_model(
-        mechanism.layout,
-        meshed(mechanism, resolution),
-        through.antisymmetric if lifting else through,
-    )
+    if lifting:
+        through = through.antisymmetric
+    return plate_model(mechanism.layout, meshed(mechanism, resolution), through)
 
 
-def solved(plate: Mechanism, resolution: int, layers: int = 0) -> Response:
-    """Solve finite elements for unit loads on all ports, of a stage on its platform."""
-    if isinstance(plate, Stage):
-        return solve_solid(plate, resolution, layers) if layers else solved_stage(plate, resolution)
-    return (
-        factorised(plate, resolution, layers).response() if layers else _in_plane(plate, resolution)
-    )
+def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> Response:
+    """Solve finite elements for unit loads on all ports."""
+    if layers:
+        return factorised(mechanism, resolution, layers).response()
+    return _in_plane(mechanism, resolution)
 
 
 @once
@@ -401,7 +389,7 @@ def has_slender_bodies(mechanism: Mechanism) -> bool:
 
 
 def mesh_of(
-    plate: Mechanism,
+    mechanism: Mechanism,
     models: Models,
     resolution: int | None,
     layers: int | None,
@@ -410,17 +398,12 @@ def mesh_of(
     """As `setup.mesh_of`; a mechanism whose bodies bend like hinges is by default wholly in three
     dimensions.
     """
-    mesh = plain_mesh_of(plate, models, resolution, layers, **usual)
-    if (
-        mesh is None
-        or layers is not None
-        or isinstance(plate, Stage)
-        or plate.model != "three_dimensional"
-    ):
+    mesh = plain_mesh_of(mechanism, models, resolution, layers, **usual)
+    if mesh is None or layers is not None or mechanism.model != "three_dimensional":
         return mesh
-    if not has_slender_bodies(plate):
-        return mesh
-    return plain_mesh_of(plate, models, resolution, WHOLE_LAYERS, **usual)
+    if has_slender_bodies(mechanism):
+        return plain_mesh_of(mechanism, models, resolution, WHOLE_LAYERS, **usual)
+    return mesh
 
 
 def joined_parts(mechanism: Mechanism, elastic: bool) -> ElasticParts:
@@ -490,15 +473,17 @@ def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
 
 
 def elements(
-    plate: Mechanism, resolution: int, layers: int = 0, thick: Thickened | None = None
+    mechanism: Mechanism, resolution: int, layers: int = 0, thick: Thickened | None = None
 ) -> Responses:
     """Return the response of finite elements, of plane ones with the change by the thickness of
     hinges if given.
     """
-    plane = responses(plate, solved(plate, resolution, layers))
-    if thick is None:
-        return plane
-    layout = plate.layout
+    plane = responses(mechanism, solved(mechanism, resolution, layers))
+    return plane if thick is None else _thickened(mechanism.layout, plane, thick)
+
+
+def _thickened(layout: Layout, plane: Responses, thick: Thickened) -> Responses:
+    """Return a plane response with the change by the thickness of hinges."""
 
     def of_parts(parts: ElasticParts) -> Array:
         return respond(layout, parts.bodies, hinges=parts.hinges).compliance
@@ -506,9 +491,8 @@ def elements(
     wrenches = respond(layout, thick.solid.bodies, hinges=thick.solid.hinges).wrenches
 
     def stress(loads: Array) -> Array:
-        return plane.stress(loads) * thick.stress_ratios(
-            np.einsum("hck,...k->...hc", wrenches, loads)
-        )
+        of_hinges = np.einsum("hck,...k->...hc", wrenches, loads)
+        return plane.stress(loads) * thick.stress_ratios(of_hinges)
 
     def bodies(loads: Array) -> BodyStress:
         assert plane.bodies is not None
@@ -523,24 +507,15 @@ def elements(
     return Responses(compliance, stress, plane.bodies and bodies, plane.points and points)
 
 
-def responses(plate: Mechanism, response: Response) -> Responses:
-    """Return compliance and stress of finite elements; the hinges of a stage are those of (3
-    chains, 3 hinges).
-    """
-
-    def stress(loads: Array) -> Array:
-        if isinstance(plate, MechanismFile):
-            return hinge_stress(response, loads)
-        return neck_stresses(plate, response, loads.reshape(-1, 3)).highest.reshape(
-            *loads.shape[:-1], 3, 3
-        )
-
+def responses(mechanism: Mechanism, response: Response) -> Responses:
+    """Return compliance and stress of finite elements."""
+    stress = partial(hinge_stress, response)
     if not response.bodies:
         return Responses(response.compliance, stress)
-    bodies = partial(body_stress, response, plate.layout)
-    return Responses(
-        response.compliance, stress, bodies, partial(point_stress, response, plate.layout)
-    )
+    layout = mechanism.layout
+    bodies = partial(body_stress, response, layout)
+    points = partial(point_stress, response, layout)
+    return Responses(response.compliance, stress, bodies, points)
 
 
 Values: TypeAlias = dict[str, Any]  # of one model by quantity
@@ -621,7 +596,7 @@ def by_elements(
 
 
 def by_models(
-    plate: Mechanism,
+    mechanism: Mechanism,
     mesh: Mesh | None,
     models: Models,
     of_network: Callable[[bool], Values],
@@ -629,22 +604,22 @@ def by_models(
     progress: Progress | None = None,
     bands: Bands = value_bands,
 ) -> dict[str, ModelAnswer]:
-    """Return the values of all requested models, with bands of finite elements; a stage has one
-    analytic model.
+    """Return the values of all requested models, with bands of finite elements.
 
-    A plate without hinges has no analytic model.
+    A plate without hinges has no analytic model. That with elastic parts takes finite elements of
+    these, and is left out of analytic models alone.
 
     of_network : values with rigid bodies or, for True, with elastic parts.
     """
-    stage = isinstance(plate, Stage)
-    labels: tuple[str, ...] = ()
-    if models != "elements" and plate.layout.joints:
-        labels = (ANALYTIC,) if stage or models == "analytic" else (ANALYTIC, ELASTIC)
-    found = {label: ModelAnswer(of_network(label == ELASTIC)) for label in labels}
+    found = dict[str, ModelAnswer]()
+    if models != "elements" and mechanism.layout.joints:
+        found[ANALYTIC] = ModelAnswer(of_network(False))
+        if models == "both":
+            found[ELASTIC] = ModelAnswer(of_network(True))
     if mesh is None:
         return found
-    thickness = () if isinstance(plate, Stage) or mesh.layers else thickness_of(plate)
-    return found | by_elements(mesh, of_size, progress, bands, stage, thickness)
+    thickness = () if mesh.layers else thickness_of(mechanism)
+    return found | by_elements(mesh, of_size, progress, bands, thickness=thickness)
 
 
 def of_models(
@@ -671,29 +646,38 @@ def left_out_corners(layout: Layout, mesh: StageMesh) -> list[str]:
     """Warn of sharp corners of bodies near which no stress is stated, with the rule; corners of
     hinges apart.
     """
-    moving = np.isin(
-        mesh.bodies, [index for index, body in enumerate(layout.bodies) if body.fixed], invert=True
-    )
+    fixed = [index for index, body in enumerate(layout.bodies) if body.fixed]
+    moving = np.isin(mesh.bodies, fixed, invert=True)
     part = mesh._replace(triangles=mesh.triangles[moving], bodies=mesh.bodies[moving])
     of_hinges = part.triangles[part.bodies >= len(layout.bodies)]
     texts = list[str]()
     corners = corners_of_bodies(layout, part, held_nodes(layout, mesh))
     for index, sharp in zip(moving_bodies(layout), corners, strict=True):
-        places = sorted(mesh.nodes[np.setdiff1d(sharp, of_hinges)].round(4).tolist())
-        if places:
+        places = mesh.nodes[np.setdiff1d(sharp, of_hinges)]
+        if len(places):
             body = layout.bodies[index]
-            named = ", ".join(f"({x:g}, {y:g})" for x, y in places[:MOST_CORNERS])
-            more = f" and {len(places) - MOST_CORNERS} more" * (len(places) > MOST_CORNERS)
-            texts.append(f"{body.name} within {left_out_within(body):.3g} mm of {named}{more}")
+            named = _named_places(places)
+            texts.append(f"{body.name} within {left_out_within(body):.3g} mm of {named}")
+    if not texts:
+        return []
     return [
         "the stress of bodies is singular at corners that are sharp in the drawing and at ends "
         "of clamped edges: it is not stated within a quarter of the mean width of the body from "
         f"there ({'; '.join(texts)})"
-    ] * bool(texts)
+    ]
+
+
+def _named_places(places: Array) -> str:
+    """Return the first of some places (n, 2), mm, as a text."""
+    ordered = sorted(places.round(4).tolist())
+    text = ", ".join(f"({x:g}, {y:g})" for x, y in ordered[:MOST_CORNERS])
+    if len(ordered) > MOST_CORNERS:
+        text += f" and {len(ordered) - MOST_CORNERS} more"
+    return text
 
 
 def over_yield(
-    plate: Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str
+    mechanism: Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str
 ) -> list[str]:
     """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the
     load.
@@ -704,24 +688,21 @@ def over_yield(
     for model in found.values():
         for name in (stress, "body_stress"):
             if name in model.values:
-                highest.append(
-                    float(np.max(model.values[name] * shares_of_yield(plate, name), initial=0.0))
-                )
-    return warning.of_yield(max(highest), plate.material.yield_strength, where)
+                shares = shares_of_yield(mechanism, name)
+                highest.append(float(np.max(model.values[name] * shares, initial=0.0)))
+    return warning.of_yield(max(highest), mechanism.material.yield_strength, where)
 
 
-def shares_of_yield(plate: Mechanism, stress: str) -> Array | float:
+def shares_of_yield(mechanism: Mechanism, stress: str) -> Array | float:
     """Return the yield strength of the plate over those of the hinges or bodies of a named stress;
-    one of a stage.
+    1 where all parts are of one material.
     """
-    if isinstance(plate, Stage) or not plate.layout.mixed:
+    layout = mechanism.layout
+    if not layout.mixed:
         return 1.0
-    layout = plate.layout
-    return (
-        layout.yield_strength / layout.body_strengths
-        if stress.startswith("body")
-        else layout.hinge_shares
-    )
+    if stress.startswith("body"):
+        return layout.yield_strength / layout.body_strengths
+    return layout.hinge_shares
 
 
 class MechanismErrors(Result):

@@ -31,7 +31,7 @@ import numpy as np
 from flexfem import arguments
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION, StageMesh
+from flexfem.fem.mesh import LAYERS, RESOLUTION, StageMesh
 from flexfem.files.provenance import Sourced, assumptions
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -252,8 +252,6 @@ class Analytic(NamedTuple):
 
 DEFAULT = Analytic()
 LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
-# of mechanisms: the plane compliance of leaf springs and notches is within 0.05 %
-PLATE_SOLID_RESOLUTION = 4
 MOST_NAMED = 3  # hinges that a warning names
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 # label of the network of parts, each with the compliance by finite elements of it alone
@@ -310,7 +308,7 @@ def mesh_of(
     layers: int | None,
     least: int = 4,
     usual: int = RESOLUTION,
-    usual_solid: int = SOLID_RESOLUTION,
+    usual_solid: int | None = None,
 ) -> Mesh | None:
     """Return the requested mesh, by default the usual plane or three-dimensional one; None without
     finite elements.
@@ -324,8 +322,7 @@ def mesh_of(
     if resolution is None:
         resolution = usual
         if layers is not None:
-            is_file = isinstance(mechanism, MechanismFile)
-            resolution = PLATE_SOLID_RESOLUTION if is_file else usual_solid
+            resolution = mechanism.solid_resolution if usual_solid is None else usual_solid
     return Mesh(arguments.resolution(resolution, least), layers or 0)
 
 
