@@ -16,7 +16,8 @@ from flexfem.arrays import Array
 from flexfem.mechanism.layout import Joint, Layout, Patch, Port
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon
-from flexfem.mechanism.profiles import SIDES, Profile
+from flexfem.mechanism.profile import Profile
+from flexfem.mechanism.profile_beam import SIDES
 from flexfem.questions.stiffness import Stiffness
 from flexfem.units import DIRECTIONS
 

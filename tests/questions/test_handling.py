@@ -12,7 +12,9 @@ SAME = 1e-5  # relative; the numbers of a page have six digits
 SECTIONS = 1e-3  # relative; a page has the stress at fewer sections
 
 
-@pytest.fixture(scope="module", params=["geometry/parallelogram.toml", "flexfem/data/mechanism-xy-stage.toml"])
+@pytest.fixture(
+    scope="module", params=["geometry/parallelogram.toml", "flexfem/data/mechanism-xy-stage.toml"]
+)
 def both(request):
     mechanism = flexfem.load(request.param)
     return mechanism, handled(mechanism)
