@@ -27,8 +27,8 @@ from flexfem.paper.model import analyse
 from flexfem.paper.responses import dynamics
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import build_mesh
+from flexfem.paper.vibration import frequency_convergence, vibrating
 from flexfem.questions.bands import ORDER
-from flexfem.questions.modes import frequency_convergence, vibrating
 from flexfem.refused import BadInput, ComputationFailed
 
 RESOLUTIONS = (4, 6, 8)  # of the default mesh

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib import pyplot
 
 import flexfem
-from flexfem.questions.modes import dynamic_model
+from flexfem.paper.modes import dynamic_model
 
 stage = flexfem.load("../geometry/mobility6.toml")
 models = {

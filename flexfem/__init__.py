@@ -50,6 +50,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.paper.models import analyse as analyse
     from flexfem.paper.models import errors as errors
     from flexfem.paper.models import solve as solve
+    from flexfem.paper.modes import dynamic_model as dynamic_model
     from flexfem.paper.stage import Stage as Stage
     from flexfem.paper.stage_file import Chain as Chain
     from flexfem.paper.stage_file import Hinge as Hinge
@@ -73,7 +74,6 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.questions.heat import drift as drift
     from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life
-    from flexfem.questions.modes import dynamic_model as dynamic_model
     from flexfem.questions.modes import modes as modes
     from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
@@ -157,7 +157,7 @@ OTHERS = {  # module of names that scripts may use, too; documented in their mod
     "hinge_review": "questions.check",
     "known_formulas": "questions.check",
     "thickness_review": "questions.check",
-    "dynamic_model": "questions.modes",
+    "dynamic_model": "paper.modes",
     "Result": "results",
     "schema": "schemas.command",
     "clean_study": "studies",

@@ -54,10 +54,10 @@ def test_type_checkers_know_the_result_of_a_question_about_a_mechanism_and_about
         "import flexfem",
         "from typing import assert_type",
         "from flexfem.questions.drive import Drive",
-        "from flexfem.questions.modes import NaturalModes",
+        "from flexfem.questions.modes import MechanismModes",
         "def asked(mechanism: flexfem.Mechanism, stage: flexfem.Stage) -> None:",
         "    assert_type(flexfem.drive(mechanism, solid=True), Drive)",
-        "    assert_type(flexfem.modes(stage=stage, count=3), NaturalModes)",
+        "    assert_type(flexfem.modes(stage, count=3), MechanismModes)",
         "    flexfem.stiffness(3)",
         "    flexfem.gravity(mechanism, angel=3.0)",
     ]

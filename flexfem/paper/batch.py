@@ -29,9 +29,9 @@ from flexfem.paper.model import at_rest, hinge_compliances, invalid_hinges
 from flexfem.paper.outputs import DesignAnswers, values_of
 from flexfem.paper.responses import LinkParts, WarmBodies
 from flexfem.paper.stage import Stage
+from flexfem.paper.vibration import payload_of
 from flexfem.questions.driven import Driven
 from flexfem.questions.life import CyclicMotion, cyclic_motion
-from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.batch import BatchRows
 from flexfem.study.columns import sizes_of

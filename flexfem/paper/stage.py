@@ -42,6 +42,7 @@ ANSWERS: dict[str, str] = {
     "gravity": "gravity",
     "large": "large",
     "life": "life",
+    "modes": "modes",
     "reach": "reach",
     "stored_compliance": "baseline",
     "stored_mesh": "baseline",

@@ -35,10 +35,10 @@ from flexfem.paper.responses import in_plane, rates_of, require_expansion
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_file import of_drive, of_heat
 from flexfem.paper.stage_mesh import layers_of, mesh_sectors, plate_of, sheet_of
+from flexfem.paper.vibration import vibrating
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import error_matrix, levels, mesh_band
 from flexfem.questions.life import CyclicMotion
-from flexfem.questions.modes import vibrating
 from flexfem.questions.setup import Analytic
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows

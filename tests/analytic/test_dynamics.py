@@ -12,7 +12,7 @@ from flexfem.paper.bodies import body_moments, drawn_inertia, mass_per_area
 from flexfem.paper.equations import first_order, resting, stiffness
 from flexfem.paper.model import analyse, assemble
 from flexfem.paper.responses import dynamics
-from flexfem.questions.modes import payload_of
+from flexfem.paper.vibration import payload_of
 
 from ..conftest import UNLIKE, with_changes
 from ..tolerances import DENSE

@@ -17,7 +17,7 @@ from flexfem.paper.drives import drive_of
 from flexfem.paper.fields import driven_response
 from flexfem.paper.stage import load_stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
-from flexfem.questions.modes import payload_of, vibrating
+from flexfem.paper.vibration import payload_of, vibrating
 from flexfem.refused import ComputationFailed
 
 from ..tolerances import SOLVED

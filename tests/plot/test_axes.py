@@ -176,7 +176,7 @@ def test_every_function_draws_on_its_axes_and_changes_nothing_outside_them(made)
 def test_every_figure_that_a_result_names_is_there():
     import_module("flexfem.baselines")  # and with it every question
     named = {kind.figure for kind in Result.kinds.values() if kind.figure}
-    assert {"modes.figures", "paper.figures.reach.reach_figure"} <= named
+    assert {"paper.figures.modes.figures", "paper.figures.reach.reach_figure"} <= named
     for module, _, function in (each.rpartition(".") for each in named):
         home = "flexfem" if module.startswith("paper.") else "flexfem.plot"
         assert callable(getattr(import_module(f"{home}.{module}"), function))

@@ -14,8 +14,8 @@ from flexfem.fem.modes import modes
 from flexfem.paper.drives import drive_of
 from flexfem.paper.fields import driven_response
 from flexfem.paper.stage_mesh import build_mesh, plate_of
+from flexfem.paper.vibration import payload_of, vibrating
 from flexfem.questions.driven import Driven
-from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import BadInput
 
 from ..tolerances import SOLVED

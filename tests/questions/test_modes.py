@@ -12,11 +12,12 @@ import pytest
 import flexfem
 from flexfem.commands import cli
 from flexfem.mechanism.layout import Payload
+from flexfem.paper.figures.modes import modes_figure
 from flexfem.paper.model import analyse
+from flexfem.paper.modes import ABOVE_THIRD
 from flexfem.paper.responses import dynamics
 from flexfem.paper.stage import Stage
-from flexfem.plot.modes import modes_figure
-from flexfem.questions.modes import ABOVE_THIRD, frequency_convergence
+from flexfem.paper.vibration import frequency_convergence
 
 from ..conftest import ROOT, UNLIKE, with_changes
 
@@ -180,7 +181,7 @@ def test_the_reference_stage_vibrates_out_of_its_plane_at_five_times_its_first_f
 def test_modes_write_shapes_animations_the_response_and_reduced_models(
     tmp_path, monkeypatch, capsys
 ):
-    monkeypatch.setattr("flexfem.plot.modes.FRAMES", 2)
+    monkeypatch.setattr("flexfem.paper.figures.modes.FRAMES", 2)
     command = ["modes", str(ROOT / "geometry/mobility3.toml"), "--resolution", "4", "--count", "1"]
     cli.app([*command, "--drives", "engaged", "-o", str(tmp_path / "out")], standalone_mode=False)
     out = capsys.readouterr().out

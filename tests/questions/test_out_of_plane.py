@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.questions.modes import _by_thickness
+from flexfem.questions.modes import ratios_by_thickness
 
 E = 70_000.0
 DENSITY = 2700.0
@@ -72,11 +72,11 @@ def test_a_plane_model_has_no_frequency_out_of_the_plane():
     assert "first_out_of_plane" not in found.values
 
 
-def test_ratios_by_thickness_belong_to_the_mode_of_the_same_frequency():
+def test_ratiosratios_by_thickness_belong_to_the_mode_of_the_same_frequency():
     """The second mode, of a leaf alone, is not one of the network; the third is the second of the
     network.
     """
-    ratios = _by_thickness(
+    ratios = ratios_by_thickness(
         np.array([50.0, 1050.0, 4700.0]), np.array([51.0, 4800.0]), np.array([52.02, 4944.0])
     )
     np.testing.assert_allclose(ratios, [1.02, np.nan, 1.03])

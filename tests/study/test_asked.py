@@ -13,7 +13,7 @@ import flexfem
 from flexfem.files.writing import toml_text
 from flexfem.paper.model import analyse
 from flexfem.paper.responses import dynamics
-from flexfem.questions.modes import payload_of
+from flexfem.paper.vibration import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.columns import FREQUENCIES

@@ -22,6 +22,9 @@ from matplotlib.tri import Triangulation
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.files.writing import replacing
+from flexfem.paper.modes import NaturalModes
+from flexfem.paper.reduced import DynamicModel
+from flexfem.paper.vibration import Vibration
 from flexfem.plot import style
 from flexfem.plot.drawing import fit
 from flexfem.plot.fields import VISIBLE, draw_field, draw_scale, exaggeration
@@ -29,7 +32,6 @@ from flexfem.plot.mesh import QUARTERS, boundary_of, draw_boundary
 from flexfem.plot.style import INK, NAMES, new_axes, panels, wrapped
 from flexfem.plot.text import scientific
 from flexfem.plot.write import write_beside
-from flexfem.questions.modes import DynamicModel, NaturalModes, Vibration
 from flexfem.refused import BadInput, printed
 from flexfem.results import Fields
 from flexfem.results import number as digits
