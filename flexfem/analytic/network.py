@@ -291,8 +291,9 @@ def solve(
     openings: Array | None = None,
     internal: InternalMotions | None = None,
 ) -> MotionUnderLoads:
-    """Return the response to loads (..., bodies, 3, k) on the bodies and openings (..., m, 3, k) of
-    the joints.
+    """Return the response to loads on the bodies and openings of the joints.
+
+    loads : (..., bodies, 3, k).   openings : (..., m, 3, k).
 
     nan for a design as in `stiffness`, and for one that can move without load.
     """
@@ -335,8 +336,11 @@ class Dynamics(NamedTuple):
 
     @property
     def frequencies(self) -> Array:
-        """Natural frequencies (..., n), rad/s, ascending; inf for freedoms that the joints do not
-        have, nan for a design without a solution."""
+        """Natural frequencies (..., n), rad/s, ascending.
+
+        They are infinite for freedoms that the joints do not have, and nan for a design without a
+        solution.
+        """
         L = np.linalg.cholesky(self.mass)
         A = np.swapaxes(L, -1, -2) @ self.compliance @ L
         is_singular = ~np.all(np.isfinite(A), axis=(-2, -1), keepdims=True)
@@ -349,8 +353,7 @@ class Dynamics(NamedTuple):
 
 
 def with_springs(motions: Array, rates: Array) -> Array:
-    """Return the motions (..., k, k) of k loads after springs are added along the lines of n more
-    loads.
+    """Return the motions (..., k, k) of k loads with springs along the lines of n more loads.
 
     Parameters
     ----------
@@ -400,8 +403,9 @@ def block_diagonal(A: Array) -> Array:
 
 
 def _path_stiffness(mechanism: Network, graph: Topology) -> Array:
-    """Stiffness (..., 3 P, 3 P) of all paths, path by path where nothing couples them; nan as in
-    `stiffness`.
+    """Stiffness (..., 3 P, 3 P) of all paths; nan as in `stiffness`.
+
+    It is found path by path where nothing couples them.
     """
     A = in_series(mechanism)
     if mechanism.coupling is None:
@@ -411,8 +415,9 @@ def _path_stiffness(mechanism: Network, graph: Topology) -> Array:
 
 
 def _opened(mechanism: Network, wrenches: Array) -> Array:
-    """Openings (..., m, 3, k) of joints, and of elastic bodies at them, under wrenches (..., m, 3,
-    k).
+    """Openings (..., m, 3, k) of joints, and of elastic bodies at them, under wrenches.
+
+    wrenches : (..., m, 3, k).
     """
     openings = mechanism.compliance @ wrenches
     if mechanism.coupling is None:

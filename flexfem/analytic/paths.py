@@ -104,8 +104,7 @@ class PathLimits(NamedTuple):
 
 
 class DrivenPlate(FinitePlate):
-    """A mechanism of beams whose ports are driven to prescribed motions, with the stress in its
-    hinges.
+    """A mechanism of beams whose ports are driven to prescribed motions.
 
     hinges : compliances (h, 3, 3) at the centres of the hinges, by default those of their profiles.
     stress_ratios : of the highest stress of the hinges to that in plane stress, by default one.
@@ -259,9 +258,7 @@ class DrivenPlate(FinitePlate):
         return inner, K[: self.rigid, : self.rigid] - inside
 
     def _by_hinges(self, K: Array) -> tuple[Array, Array]:
-        """Tangent (h, i, i) of the nodes inside every hinge, and its columns (h, i, r) for the
-        bodies.
-        """
+        """Tangent (h, i, i) of the nodes inside every hinge, and columns (h, i, r) for the bodies."""
         n = self.rigid
         each = np.arange(self.hinges)
         inner = K[n:, n:].reshape(self.hinges, 3 * (BEAMS - 1), self.hinges, -1)

@@ -22,15 +22,17 @@ FORMATS = (".msh", ".vtu", ".inp")
 
 
 def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
-    """Yield the Abaqus/CalculiX input deck of a stage, in N, mm, MPa and rad, with a linear step
-    for each unit load.
+    """Yield the Abaqus/CalculiX input deck of a plate with a hub, in N, mm, MPa and rad.
+
+    It has a linear step for each unit load.
 
     The sets are `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the
     mesh has the number k + 1; two more nodes at the platform centre carry the pose: x and y are the
     degrees of freedom 1 and 2 of the first, theta, in rad, is the degree of freedom 1 of the
     second, where a moment in N mm acts as a force. Linear equations tie the hub to them, `u = X -
     theta y`, `v = Y + theta x`, because a `*RIGID BODY` describes a large rotation, which each
-    program linearises differently."""
+    program linearises differently.
+    """
     centre = len(mesh.nodes) + 1
     rotation = len(mesh.nodes) + 2
     sets = {"ground": nodes_on(mesh, "ground"), "hub": nodes_on(mesh, "hub")}
@@ -75,8 +77,9 @@ def _lines(
     pose: Sequence[str] = (),
     ties: Sequence[str] = (),
 ) -> Iterator[str]:
-    """Yield the lines of a deck; `pose` defines the nodes `platform`, which `ties` connect to the
-    mesh.
+    """Yield the lines of a deck.
+
+    `pose` defines the nodes `platform`, which `ties` connect to the mesh.
     """
     yield from ("*HEADING", f"flexure-hinge {name} by flexfem; N, mm, MPa, rad", "*NODE, NSET=all")
     yield from (f"{k}, {_field(x)}, {_field(y)}, 0" for k, (x, y) in enumerate(mesh.nodes, start=1))
@@ -102,8 +105,9 @@ def _lines(
 
 
 def _materials(plate: Plate, name: str) -> Iterator[str]:
-    """Yield the materials of a plate; those of parts with different ones have element sets by
-    number.
+    """Yield the materials of a plate.
+
+    Those of parts with different ones have element sets by number.
     """
     constants = np.reshape([plate.youngs_modulus, plate.poissons_ratio], (2, -1))
     values, number = np.unique(constants, axis=1, return_inverse=True)
@@ -124,8 +128,9 @@ def _field(value: float) -> str:
 
 
 def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
-    """Write a mesh in the format of the file's extension, with the groups `stage`, `ground` and
-    `hub`.
+    """Write a mesh in the format of the file's extension.
+
+    Its groups are `stage`, `ground` and `hub`.
 
     An Abaqus or CalculiX deck (.inp) also holds the plate, the clamps, the rigid hub and a step for
     each unit load.
@@ -139,11 +144,13 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
 
 
 def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
-    """Write the mesh of a mechanism in the format of the file's extension, with its bodies, hinges
-    and clamped edges.
+    """Write the mesh of a mechanism in the format of the file's extension.
+
+    Its groups are bodies, hinges and clamped edges.
 
     An Abaqus or CalculiX deck (.inp) has the nodes of the ground, the plate, and a step for each
-    unit load on a port."""
+    unit load on a port.
+    """
     names = [
         *(f"body {body.name}" for body in layout.bodies),
         *(f"hinge {joint.name}" for joint in layout.joints),
@@ -157,8 +164,9 @@ def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
 
 
 def _group_names(names: Sequence[str]) -> list[str]:
-    """Return different names that a quoted string of .msh can hold: without quotes and backslashes,
-    and short.
+    """Return different names that a quoted string of .msh can hold.
+
+    They are short, without quotes and backslashes.
     """
     found = list[str]()
     for name in names:

@@ -113,8 +113,9 @@ class Region(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A line or arc to be followed by triangle edges, inside or on the boundary of the union of
-    regions.
+    """A line or arc to be followed by triangle edges.
+
+    It is inside or on the boundary of the union of regions.
 
     region : index of the region at it: of both sides, or of the side that no line before belongs
     to; None for a line
@@ -308,24 +309,18 @@ def _meshed(mesh: Any, divisions: dict[str, int], sizes: list[int], drawn: _Draw
     triangle's region; edges (k, 3) of the curves, edge_labels (k,) text.
     """
     curves, faces = drawn
-    pieces = Counter(label for label, _ in curves)
-    for label, tag in curves:
-        if label in divisions:
-            mesh.setTransfiniteCurve(tag, math.ceil(divisions[label] / pieces[label]) + 1)
+    _set_divisions(mesh, divisions, curves)
     smallest = mesh.field.add("Min")
     mesh.field.setNumbers(smallest, "FieldsList", sizes)
     mesh.field.setAsBackgroundMesh(smallest)
     mesh.generate(2)
     mesh.setOrder(2)
-    of_faces = [[_elements(mesh, TRIANGLE, tag) for tag in part] for part in faces]
-    of_regions = [np.concatenate(part) for part in of_faces]
+    of_regions = [
+        np.concatenate([_elements(mesh, TRIANGLE, tag) for tag in part]) for part in faces
+    ]
     of_curves = [_elements(mesh, EDGE, tag) for _, tag in curves]
-    tags, xyz, _ = mesh.getNodes()
     triangles = np.concatenate(of_regions)
-    used = np.isin(tags, triangles)  # without centres of arcs and points that set sizes
-    index = np.full(int(tags.max()) + 1, -1)
-    index[tags[used]] = np.arange(np.count_nonzero(used))
-    nodes = xyz.reshape(-1, 3)[used, :2]
+    nodes, index = _used_nodes(mesh, triangles)
     edges = np.concatenate([np.empty((0, 3), dtype=np.int64), *of_curves])
     return {
         "nodes": nodes,
@@ -334,6 +329,26 @@ def _meshed(mesh: Any, divisions: dict[str, int], sizes: list[int], drawn: _Draw
         "edges": index[edges],
         "edge_labels": np.repeat([label for label, _ in curves], [len(each) for each in of_curves]),
     }
+
+
+def _set_divisions(mesh: Any, divisions: dict[str, int], curves: Sequence[tuple[str, int]]) -> None:
+    """Divide curves into equal edges, those with one label together into a number of them."""
+    pieces = Counter(label for label, _ in curves)
+    for label, tag in curves:
+        if label in divisions:
+            mesh.setTransfiniteCurve(tag, math.ceil(divisions[label] / pieces[label]) + 1)
+
+
+def _used_nodes(mesh: Any, triangles: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Return the nodes (n, 2), mm, of triangles, and the numbers of all tags among them, or -1.
+
+    Centres of arcs and points that set sizes are left out.
+    """
+    tags, xyz, _ = mesh.getNodes()
+    used = np.isin(tags, triangles)
+    index = np.full(int(tags.max()) + 1, -1)
+    index[tags[used]] = np.arange(np.count_nonzero(used))
+    return xyz.reshape(-1, 3)[used, :2], index
 
 
 def _elements(mesh: Any, kind: tuple[int, int], tag: int) -> AnyArray:
@@ -477,28 +492,29 @@ def _divide(model: Any, job: PlateMesh) -> _Drawn:
     lined = {line.region for line in job.lines}
     with_lines = [region for index, region in enumerate(job.regions) if index in lined]
     united = _union(kernel, with_lines) if lined else []
-    drawn = list(united)
-    alone = list[int]()  # the region of each face without lines
+    alone = list[tuple[int, tuple[int, int]]]()  # regions without lines and their faces
     for index, region in enumerate(job.regions):
         if index not in lined:
-            faces = _draw_region(kernel, region)
-            drawn += faces
-            alone += [index] * len(faces)
-    tools = list[tuple[int, int]]()
-    for line in job.lines:
-        start = _point(kernel, line.curve.start)
-        end = _point(kernel, line.curve.end)
-        tools.append((1, _draw_curve(kernel, line.curve, start, end)))
-    pieces = kernel.fragment(drawn, tools)[1]
+            alone += [(index, face) for face in _draw_region(kernel, region)]
+    drawn = [*united, *(face for _, face in alone)]
+    pieces = kernel.fragment(drawn, [_draw_line(kernel, line) for line in job.lines])[1]
     kernel.synchronize()
     owner = dict[int, int]()
-    for index, found in zip(alone, pieces[len(united) : len(drawn)], strict=True):
+    for (index, _), found in zip(alone, pieces[len(united) : len(drawn)], strict=True):
         owner.update((tag, index) for _, tag in found)
     curves = _owned_curves(model, job.lines, pieces[len(drawn) :], owner)
     if len(owner) != len(model.getEntities(2)):
         raise ValueError("a part of the plate is connected to nothing")
-    tags_of = [[tag for tag, own in owner.items() if own == k] for k in range(len(job.regions))]
-    return _Drawn(curves, tags_of)
+    faces: list[list[int]] = [[] for _ in job.regions]
+    for tag, index in owner.items():
+        faces[index].append(tag)
+    return _Drawn(curves, faces)
+
+
+def _draw_line(kernel: Any, line: Line) -> tuple[int, int]:
+    start = _point(kernel, line.curve.start)
+    end = _point(kernel, line.curve.end)
+    return (1, _draw_curve(kernel, line.curve, start, end))
 
 
 def _owned_curves(

@@ -48,8 +48,9 @@ class VibratingStructure(NamedTuple):
 
 
 class Modes(NamedTuple):
-    """Natural frequencies (k,), rad/s, ascending, and modes of unit modal mass, mm and rad per root
-    of a tonne mm^2.
+    """Natural frequencies (k,), rad/s, ascending, and modes of unit modal mass.
+
+    Modes are in mm and rad per root of a tonne mm^2.
 
     shapes : (size, k), unknowns of the whole.
     participation : (k, 3), factors of base motions along the pose: squares are the effective modal
@@ -168,17 +169,13 @@ def stage_modes(
     """
     factorised = factorised_stage(sectors, plate, layers, degree)
     own = carried / SECTORS if factorised.cyclic else carried
-    vibrating = vibrating_structure(
-        mass_of(factorised.structure, density, own), space=factorised.spaces[0]
-    )
+    mass = mass_of(factorised.structure, density, own)
+    vibrating = vibrating_structure(mass, space=factorised.spaces[0])
     if not factorised.cyclic:
         return modes(vibrating, count)
     single, motion = _ritz(factorised.spaces[0], vibrating, count)
     double, pairs = _ritz(factorised.spaces[1], vibrating, -(-count // 2))
-    vector = np.split(pairs * np.sqrt(2 / SECTORS), 2, axis=1)  # real and imaginary parts
-    turns = [sector_rotation(sector)[:2, :2] for sector in range(SECTORS)]
-    alike = motion / np.sqrt(SECTORS)
-    parts = [np.hstack([alike, *np.tensordot(turn, vector, axes=1)]) for turn in turns]
+    parts = _motions_of_sectors(motion, pairs)
     mesh, sector_nodes = joined(sectors)
     whole = structure(mesh, plate, layers)
     fields = [factorised.structure.fields(part) for part in parts]
@@ -186,6 +183,18 @@ def stage_modes(
     shapes[-3:] = parts[0][-3:]
     squares = np.concatenate([single, double, double])
     return _ordered_modes(squares, shapes, mass_of(whole, density, carried), count)
+
+
+def _motions_of_sectors(alike: Array, pairs: Array) -> list[Array]:
+    """Return the unknowns (m, k + 2 p) of each sector in modes of unit modal mass of the whole.
+
+    alike : (m, k), of a sector in modes of harmonic 0.   pairs : (m, 2 p), real, then imaginary
+    parts of those of harmonic 1.
+    """
+    vector = np.split(pairs * np.sqrt(2 / SECTORS), 2, axis=1)
+    single = alike / np.sqrt(SECTORS)
+    turns = [sector_rotation(sector)[:2, :2] for sector in range(SECTORS)]
+    return [np.hstack([single, *np.tensordot(turn, vector, axes=1)]) for turn in turns]
 
 
 def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Array, Array]:

@@ -420,13 +420,17 @@ def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> flo
     edges = list[Any]()
     for part in parts:
         outer = outer_sides(mesh.triangles[mesh.bodies == part])[:, [0, 2, 1]]
-        edges.append(shapely.multilinestrings(shapely.linestrings(places[outer])))
+        lines = np.asarray(shapely.linestrings(places[outer]))
+        edges.append(shapely.multilinestrings(lines))
     return float(shapely.distance(*edges))
 
 
 class _Step(NamedTuple):
-    """A Newton step: the state after it, its size as root of energy, the energy before it, the
-    largest change of a displacement gradient, the compliance (k, k), and the solver."""
+    """A Newton step.
+
+    state : after it.   size : root of its energy.   energy : N mm, before it.   change : largest of
+    a displacement gradient.   compliance : (k, k).   solve : inverse of the tangent.
+    """
 
     state: State
     size: float

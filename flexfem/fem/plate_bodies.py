@@ -1,5 +1,6 @@
-"""Compliances of the bodies and hinges of a plate by finite elements, for the analytic network:
-each alone, plane.
+"""Compliances of bodies and hinges of a plate, each alone, by plane finite elements.
+
+They are those of the parts of the analytic network.
 
 The end sections of hinges move rigidly, and each contact as the motion conjugate to its load. With
 the loads B, the conjugate loads F of the mean motion of the body, and the stiffness K of the body
@@ -9,7 +10,8 @@ held at the end of one hinge,
 
 as every load of B is balanced by F, and the mean motion F' u is subtracted. With clamped edges F is
 left out. A hinge is held at its first body and loaded at its second, both of which leave their
-section of it plane."""
+section of it plane.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +33,13 @@ ALIKE = 1e-11  # relative to the coordinates, of points of bodies that are equal
 
 
 class _Marks(NamedTuple):
-    """Points (n, 2) of a body, and hashes (n,) of what is there: first its interfaces, then the
-    ends of its edges.
+    """Points (n, 2) of a body, and hashes (n,) of what is there.
+
+    They are first its interfaces, then the ends of its edges.
 
     The centre of a hinge and a point on its axis; the point of a patch twice; the centre of an
-    unsymmetric hinge and a point to the left; the middle of an edge and one end."""
+    unsymmetric hinge and a point to the left; the middle of an edge and one end.
+    """
 
     points: AnyArray
     kinds: AnyArray
@@ -93,8 +97,9 @@ def _marks(layout: Layout, number: int) -> _Marks:
 
 
 def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
-    """Return the move from a body to an equal one, and the mark of the first at each of the other;
-    None without one.
+    """Return the move from a body to an equal one, and the mark of the first at each of the other.
+
+    It is None without one.
 
     The other body can have fewer patches.
     """
@@ -116,11 +121,13 @@ def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
 
 
 def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
-    """Compliances (h, 3, 3) of all hinges as `Profile.compliance`; mesh : as for
-    `body_compliances`.
+    """Compliances (h, 3, 3) of all hinges as `Profile.compliance`.
+
+    mesh : as for `body_compliances`.
 
     Hinges are alike if they have one profile and end at rigid bodies on the same sides, see
-    `plate.end_lines`."""
+    `plate.end_lines`.
+    """
     kinds = [
         (joint.profile, joint.material, *(layout.bodies[body].fixed for body in joint.bodies))
         for joint in layout.joints
@@ -148,8 +155,9 @@ def body_mesh(mesh: StageMesh, body: int) -> StageMesh:
 
 
 def part_mesh(mesh: StageMesh, chosen: NDArray[np.bool_]) -> tuple[StageMesh, Index]:
-    """Return chosen triangles (m,) with their nodes and edges, and the numbers (n,) of all nodes
-    there, or -1.
+    """Return chosen triangles (m,) with their nodes and edges, and the numbers of all nodes there.
+
+    The numbers (n,) are -1 for nodes that are not there.
     """
     used = np.unique(mesh.triangles[chosen])
     number = np.full(len(mesh.nodes), -1)

@@ -150,26 +150,26 @@ def _forces_of_densities(
 
     Triangles that the edge of the area or a hinge crosses are divided.
     """
-    triangles, radius = area
     point = np.array([patch.point.real, patch.point.imag])
-    inside = np.max(np.hypot(*(mesh.nodes[triangles] - point).T), axis=0, initial=0.0) <= radius
-    crossed = _in_hinges(layout, patch.body, mesh.nodes[triangles] @ [1, 1j]).any(axis=1)
+    places = mesh.nodes[area.triangles]
+    inside = np.max(np.hypot(*(places - point).T), axis=0, initial=0.0) <= area.radius
+    crossed = _in_hinges(layout, patch.body, places @ [1, 1j]).any(axis=1)
     parts = [
-        (triangles[inside & ~crossed], quadrature(MASS_QUADRATURE)),
-        (triangles[~inside & ~crossed], _subdivided(SUBDIVISION)),
-        (triangles[crossed], _subdivided(SUBDIVISION_AT_HINGE)),
+        (inside & ~crossed, quadrature(MASS_QUADRATURE)),
+        (~inside & ~crossed, _subdivided(SUBDIVISION)),
+        (crossed, _subdivided(SUBDIVISION_AT_HINGE)),
     ]
     forces = np.zeros((3, len(mesh.nodes)))
-    for chosen, (points, weights) in parts:
+    for which, (points, weights) in parts:
         phi = shape_functions(points)[0]
-        determinant = gradients(mesh.nodes[chosen], points)[1]
-        x, y = np.einsum("eid,iq->deq", mesh.nodes[chosen] - point, phi)
+        weight = np.abs(gradients(places[which], points)[1]) * weights
+        x, y = np.einsum("eid,iq->deq", places[which] - point, phi)
         in_hinges = _in_hinges(layout, patch.body, patch.point + x + 1j * y)
-        counted = (np.hypot(x, y) <= radius) & ~in_hinges
-        densities = np.array([np.ones_like(x), x, y]) * (np.abs(determinant) * weights * counted)
+        weight = weight * ((np.hypot(x, y) <= area.radius) & ~in_hinges)
+        densities = np.array([np.ones_like(x), x, y]) * weight
         nodal = np.einsum("keq,iq->kei", densities, phi)
         for force, values in zip(forces, nodal, strict=True):
-            np.add.at(force, chosen, values)
+            np.add.at(force, area.triangles[which], values)
     return forces
 
 
@@ -205,12 +205,14 @@ def _subdivided(count: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class PlateModel(Factorised):
-    """A factorised plate with all loads that act on it; `structure` has the bodies that are not
-    fixed.
+    """A factorised plate with all loads that act on it.
+
+    `structure` has the bodies that are not fixed.
 
     layout : the mechanism.   mesh : the whole, whose nodes are those of `structure`.
     port_forces : nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes
-    included."""
+    included.
+    """
 
     layout: Layout = field(kw_only=True)
     mesh: StageMesh = field(kw_only=True)
@@ -223,18 +225,23 @@ class PlateModel(Factorised):
         A body on the plate moves along x and y and rotates; out of the plane it moves along z and
         rotates about x and y, where a payload is a flat body, which has half of its moment of
         inertia."""
-        lifting = bool(self.structure.line.fixed)
-        bodies = [(load.contact, load.mass, load.inertia) for load in self.layout.payloads]
-        bodies += [
-            (at, each.mass / 2, 0.0) for each in self.layout.actuators for at in each.contacts
-        ]
-        bodies = [body for body in bodies if any(body[1:])]
-        inertia = [(m, j / 2, j / 2) if lifting else (m, m, j) for _, m, j in bodies]
-        plane = [contact_forces(self.layout, self.mesh, patch, lifting) for patch, _, _ in bodies]
-        forces = [through_thickness(self.structure, each) for each in plane]
-        loads = [np.zeros((self.structure.size, 0)), *map(self.structure.loads, forces)]
-        density = density_of_layout(self.layout, self.structure.mesh)
-        return mass_of(self.structure, density, np.diag(np.ravel(inertia)), at=np.hstack(loads))
+        structure = self.structure
+        lifting = bool(structure.line.fixed)
+        inertia = list[float]()
+        loads = [np.zeros((structure.size, 0))]
+        for patch, mass, moment in self._bodies_on_plate():
+            inertia += [mass, moment / 2, moment / 2] if lifting else [mass, mass, moment]
+            plane = contact_forces(self.layout, self.mesh, patch, lifting)
+            loads.append(structure.loads(through_thickness(structure, plane)))
+        density = density_of_layout(self.layout, structure.mesh)
+        return mass_of(structure, density, np.diag(inertia), at=np.hstack(loads))
+
+    def _bodies_on_plate(self) -> list[tuple[Patch, float, float]]:
+        """Points, masses, tonne, and moments of inertia, tonne mm^2, of payloads and actuators."""
+        found = [(load.contact, load.mass, load.inertia) for load in self.layout.payloads]
+        for actuator in self.layout.actuators:
+            found += [(contact, actuator.mass / 2, 0.0) for contact in actuator.contacts]
+        return [body for body in found if body[1] or body[2]]
 
 
 def through_thickness(structure: Structure, plane: Array) -> Array:

@@ -58,9 +58,7 @@ class Prestress(NamedTuple):
 
 
 class CriticalShapes(NamedTuple):
-    """Multiples (s,) of a load at which a plate buckles, ascending, and the shapes (size, s) of its
-    unknowns.
-    """
+    """Multiples (s,) of a load at which a plate buckles, ascending, and shapes (size, s)."""
 
     factors: Array
     shapes: Array
@@ -185,7 +183,7 @@ def _work_of_tilts(model: PlateModel, patch: Patch, wrench: Array) -> Array:
     fx, fy = wrench[:2]
     of_couple = _second_order(couple.T @ model.mesh.nodes)
     own = _second_order(np.outer([fx, fy], [arm.real, arm.imag]))
-    return (arm.real * fy - arm.imag * fx) * of_couple - own
+    return np.asarray((arm.real * fy - arm.imag * fx) * of_couple - own)
 
 
 def _second_order(virial: Array) -> Array:

@@ -21,8 +21,9 @@ from flexfem.mechanism.layout import Layout
 
 
 class Strains(NamedTuple):
-    """Largest magnitude of a principal strain (p,) of hinges, then of moving bodies, and its places
-    (p, 2), mm.
+    """Largest magnitude of a principal strain (p,) of parts, and its places (p, 2), mm.
+
+    The parts are hinges, then moving bodies.
     """
 
     highest: Array
@@ -30,8 +31,9 @@ class Strains(NamedTuple):
 
 
 def hinge_wrenches(response: Response, layout: Layout, field: Array) -> Array:
-    """Return tension N, transverse force V and moment M (h, 3) at the centres of hinges, N and N
-    mm, by a field, mm.
+    """Return tension N, transverse force V and moment M (h, 3) at the centres of hinges.
+
+    They are in N and N mm, by a field, mm.
 
     They act on the end of a hinge at its second body, in its axes.
     """
@@ -45,8 +47,9 @@ def hinge_wrenches(response: Response, layout: Layout, field: Array) -> Array:
 
 
 def section_wrench(response: Response, field: Array, start: complex, end: complex) -> Array:
-    """Return axial force, shear force and moment (3,), N and N mm, through the section from a point
-    to another one.
+    """Return axial force, shear force and moment (3,), N and N mm, through a section.
+
+    The section is from a point to another one.
 
     They act on the material at the left of the line: the axial force is along the normal to the
     right, so that tension is positive, the shear force along the line, and the moment about the
@@ -77,8 +80,9 @@ def _resultant(
     point: complex,
     heading: float,
 ) -> Array:
-    """Return force and moment (3,) about a point, in axes turned by `heading`, that act on
-    triangles at nodes.
+    """Return force and moment (3,) about a point that act on triangles at nodes.
+
+    They are in axes turned by `heading`.
     """
     structure = response.structure
     mesh = structure.mesh
@@ -93,8 +97,9 @@ def _resultant(
 
 
 def part_strains(response: Response, layout: Layout, load: Array) -> Strains:
-    """Return the highest strains in the plane by a load (k,) on the ports, at the nodes at which
-    stress is stated.
+    """Return the highest strains in the plane by a load (k,) on the ports.
+
+    They are taken at the nodes at which stress is stated.
 
     A strain is the stress in a material of unit modulus without Poisson's ratio.
     """

@@ -50,8 +50,9 @@ def quadrature(tau: Array, power_of_x: int, power_of_depth: int) -> Array:
 
 
 def rotation_paros_weisbord(tau: Array) -> Array:
-    """E b R^2 alpha_z/M_z by (2), which holds for any depth gamma; here for the full notch, gamma =
-    1 + beta.
+    """E b R^2 alpha_z/M_z by (2), for the full notch.
+
+    (2) holds for any depth gamma; here gamma = 1 + beta.
     """
     beta = 0.5 * tau
     gamma = 1.0 + beta
@@ -91,8 +92,9 @@ ROUND_OFF = 1e-9  # relative; a block as high as the notch is on the chart in sp
 
 
 class Compliance(NamedTuple):
-    """Compliances of a hinge about its neck centre in its own frame, where they are uncoupled; or
-    factors on them.
+    """Compliances of a hinge about its neck centre in its own frame, or factors on them.
+
+    They are uncoupled there.
 
     rotation : 1/(N mm), relative angle of the two bodies per moment.   axial : mm/N, elongation per
     axial force.
@@ -144,8 +146,9 @@ class Series(NamedTuple):
         return np.where(self.covers(*point), self.extrapolated(*clipped), np.nan)
 
     def extrapolated(self, *point: Array) -> Array:
-        """Return the values (functions, ...) at coordinates (...), broadcast, inside and outside
-        the box.
+        """Return the values (functions, ...) at coordinates (...), inside and outside the box.
+
+        The coordinates broadcast.
         """
         arguments = zip(point, self.ends, self.scales, self.coefficients.shape[1:], strict=True)
         bases = [_vander(*each) for each in arguments]
@@ -157,16 +160,18 @@ class Series(NamedTuple):
 
 
 class HingeChart(NamedTuple):
-    """Factors over t/R and H/h: `low` up to its largest H/h, `high` above it without the
-    logarithmic growth.
+    """Factors over t/R and H/h.
+
+    `low` holds up to its largest H/h, `high` above it without the logarithmic growth.
     """
 
     low: Series
     high: Series
 
     def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether t/R and H/h (broadcast against each other) are on the chart; H/h has no
-        upper limit.
+        """Return whether t/R and H/h are on the chart; H/h has no upper limit.
+
+        They broadcast against each other.
         """
         return (
             _within(ratio, self.low.ends[0])
@@ -190,8 +195,9 @@ class HingeChart(NamedTuple):
 
 
 def beam_integrals(tau: Array) -> Array:
-    """Beam integrals (3, ...) that the factors multiply: E b R^2 theta/M, E b dx/F_x, E b dy/F_y at
-    nu = 0.
+    """Beam integrals (3, ...) that the factors multiply.
+
+    They are E b R^2 theta/M, E b dx/F_x and E b dy/F_y at nu = 0.
     """
     axial = axial_paros_weisbord(tau)
     shear = bending_closed(tau) + 2.0 * SHEAR_CORRECTION * axial
@@ -237,14 +243,16 @@ def thickness_chart() -> Series:
 def thickness_factors(
     radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike
 ) -> Compliance:
-    """Return the factors (...), at most 1, on the plane-stress compliances of hinges; mm, the
-    arguments broadcast.
+    """Return the factors (...), at most 1, on the plane-stress compliances of hinges.
+
+    The arguments, in mm, broadcast.
 
     nan where t/R, b/t or nu is not on the chart.
 
     Shear has the position of rotation between plane stress and plane strain. Its plane-strain limit
     follows from its plane-stress value `S0 + 4.8 nu R/H` (`benchmarks/hinge_charts.py`) with `E/(1
-    - nu^2)` and `nu/(1 - nu)` in place of E and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`."""
+    - nu^2)` and `nu/(1 - nu)` in place of E and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
+    """
     R, t, b, nu = (
         np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio)
     )
@@ -259,8 +267,9 @@ def thickness_factors(
 
 
 def _vander(values: Array, ends: tuple[float, float], scale: np.ufunc, terms: int) -> Array:
-    """Return Chebyshev polynomials (..., terms) of values (...), mapped by a scale from its ends to
-    -1 and 1.
+    """Return Chebyshev polynomials (..., terms) of values (...).
+
+    The values are mapped by a scale from its ends to -1 and 1.
     """
     low, high = scale(ends)
     scaled = np.asarray(2.0 * (scale(values) - low) / (high - low) - 1.0)

@@ -1,6 +1,4 @@
-"""Spring models of the circular hinge: published formulas, the calibrated formula, and formulas of
-the user.
-"""
+"""Spring models of the circular hinge: published, calibrated, and of the user."""
 
 from __future__ import annotations
 
@@ -50,8 +48,9 @@ class Formula:
     def in_range(
         self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None
     ) -> NDArray[np.bool_]:
-        """Return whether t/R (and H/h) is in the range of the formula, broadcast; arguments as for
-        `compliance`.
+        """Return whether t/R (and H/h) is in the range of the formula, broadcast.
+
+        Arguments are those of `compliance`.
         """
         tau, eta = _notch_ratios(radius, neck, block_height)
         if self.charted:
@@ -67,8 +66,9 @@ class Formula:
         poissons_ratio: ArrayLike,
         block_height: ArrayLike | None = None,
     ) -> Compliance:
-        """Return the compliances about the neck centre; arguments in mm and MPa broadcast against
-        each other.
+        """Return the compliances about the neck centre.
+
+        Arguments in mm and MPa broadcast against each other.
 
         Parameters
         ----------
@@ -81,7 +81,8 @@ class Formula:
         dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A).
         With a chart, Poisson's ratio affects shear alone, and exactly as in a beam of the height of
         the blocks: `benchmarks/hinge_charts.py`. Outside `in_range` a chart gives nan and another
-        formula its value, on which the caller warns."""
+        formula its value, on which the caller warns.
+        """
         R, t, b, E, nu = (
             np.asarray(v, dtype=float)
             for v in (radius, neck, thickness, youngs_modulus, poissons_ratio)
@@ -307,8 +308,9 @@ def register_formula(
 
 
 def _values(title: str, function: Callable[[Array], Array], ratio: Array) -> Array:
-    """Return the values (...) of a function at t/R (...). Raises BadInput where a user's function
-    fails.
+    """Return the values (...) of a function at t/R (...).
+
+    Raises BadInput where a user's function fails.
     """
     raised = ""
     try:

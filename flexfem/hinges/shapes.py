@@ -1,8 +1,10 @@
-"""Published closed forms of hinge shapes other than the circle, which `Profile.compliance`
-integrates numerically.
+"""Published closed forms of hinge shapes other than the circle.
+
+`Profile.compliance` integrates these shapes numerically.
 
 All are integrals of a beam without shear, and agree with the quadrature to round-off: they say what
-the literature computes with."""
+the literature computes with.
+"""
 
 from __future__ import annotations
 
@@ -40,8 +42,9 @@ class ShapeFormula(NamedTuple):
 def _elliptical(
     function: Callable[..., Any], power: int, of_depth: int
 ) -> Callable[[Elliptical], float]:
-    """Return the function of an ellipse by that of the circle whose radius is the depth, stretched
-    along the axis.
+    """Return the function of an ellipse by that of a circle, stretched along the axis.
+
+    The radius of the circle is the depth.
     """
     return lambda p: float(
         function(np.asarray(p.neck / p.depth))
@@ -72,8 +75,9 @@ def _filleted_axial(p: Leaf) -> float:
 
 
 def _parabolic(p: Parabolic) -> tuple[float, float, float, float]:
-    """Return `q = 2 depth / neck` and the integrals of `(1 + q s^2)^-n` over s = 0 to 1 for n = 1,
-    2, 3.
+    """Return `q = 2 depth / neck` and the integrals of `(1 + q s^2)^-n` over s from 0 to 1.
+
+    They are those for n = 1, 2, 3.
     """
     q = 2 * p.depth / p.neck
     first = math.atan(math.sqrt(q)) / math.sqrt(q)

@@ -17,11 +17,13 @@ from flexfem.refused import BadInput, printed
 
 
 class Wrench(NamedTuple):
-    """Internal forces of the necks per displacement of the platform, (..., 3 chains, 3 hinges, 3
-    directions).
+    """Internal forces of necks per displacement (..., directions), for arrays of hinges.
+
+    All are (..., 3 chains, 3 hinges, 3 directions) for the nine hinges of a stage.
 
     moment : about the neck's centre; `normal`, `shear` : axial and transverse force. N and N mm per
-    mm, per rad."""
+    mm, per rad.
+    """
 
     moment: Array
     normal: Array
@@ -55,14 +57,16 @@ def raised_in_depth(ratio: Array, depth_ratio: Array, poissons_ratio: Array) -> 
 
 
 def neck_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentration) -> Array:
-    """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges, 3 directions), MPa
-    per mm, rad.
+    """Return the largest von Mises stress at each neck, MPa per mm, rad.
+
+    It is (..., 3 chains, 3 hinges, 3 directions) for the nine hinges of a stage.
 
     neck : (..., 3, 3), mm.   thickness : (...), mm.   raised : (..., 3, 3), of `raised_in_plane`.
 
     It is `|6 M K_b / (b t^2)| + |N K_t / (b t)|` at the more stressed side of the neck. Shear is
     neglected: it is zero at that surface, and its own maximum off the neck is 1 % of the bending
-    stress in the shipped stages."""
+    stress in the shipped stages.
+    """
     bending, axial = surface_stress(wrench, neck, thickness, raised)
     return np.asarray(np.abs(bending) + np.abs(axial))
 
@@ -70,11 +74,11 @@ def neck_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentra
 def surface_stress(
     wrench: Wrench, neck: Array, thickness: Array, raised: Concentration
 ) -> tuple[Array, Array]:
-    """Return the signed von Mises stress of bending and of the axial force of each neck, (..., 3,
-    3, 3).
+    """Return the signed von Mises stress (..., 3, 3, 3) of bending and of the axial force of necks.
 
     The stress is their sum at one side of the neck and their difference at the other; arguments as
-    for `neck_stress`."""
+    for `neck_stress`.
+    """
     area = thickness[..., None, None] * neck
     bending = wrench.moment * (6.0 * raised.bending / (area * neck))[..., None]
     axial = wrench.normal * (raised.tension / area)[..., None]
@@ -82,8 +86,9 @@ def surface_stress(
 
 
 def von_mises_along(out_of_plane: Array) -> Array:
-    """Return the von Mises stress over the stress along a free surface (...), for ratios (...) of
-    `out_of_plane`.
+    """Return the von Mises stress over the stress along a free surface (...).
+
+    out_of_plane : (...), ratios.
     """
     return np.asarray(np.sqrt(1.0 - out_of_plane + out_of_plane**2))
 
@@ -97,25 +102,29 @@ FEWEST_POINTS = 3  # two points have no scatter
 
 
 def fatigue_fraction(ratio: Array, sensitivity: float) -> Array:
-    """Return the fraction of the stress at a notch of t/R = `ratio` (...) that is effective in
-    fatigue.
+    """Return the fraction (...) of the stress at a notch that is effective in fatigue.
+
+    ratio : (...), t/R.
 
     It is `(1 + q (K - 1)) / K` with the notch sensitivity q, 0 to 1, of R. E. Peterson as in
     Dowling, Mechanical Behavior of Materials, Sec. 10.2, and the concentration K of bending, which
-    causes nearly all of the stress; that of tension is 4 % larger at t/R = 1/3."""
+    causes nearly all of the stress; that of tension is 4 % larger at t/R = 1/3.
+    """
     K = concentration(ratio).bending
     return np.asarray((1.0 + sensitivity * (K - 1.0)) / K)
 
 
 class Basquin(NamedTuple):
-    """Basquin's law `sigma_a = sigma'_f (2 N)^b` of unnotched specimens at zero mean stress, N in
-    cycles.
+    """Basquin's law `sigma_a = sigma'_f (2 N)^b` of unnotched specimens at zero mean stress.
+
+    N is in cycles.
 
     coefficient : sigma'_f, MPa.   exponent : b, negative; both of one material, or (n,) of n
     designs.
     walker : exponent gamma of Walker's mean-stress correction.
     range : cycles from and to which the law was fitted.   range_stated : whether the range is
-    stated, not assumed."""
+    stated, not assumed.
+    """
 
     coefficient: float | Array
     exponent: float | Array
@@ -136,8 +145,9 @@ class Basquin(NamedTuple):
 
 
 def checked_law(law: Basquin | BasquinFit) -> Basquin:
-    """Return the law of the argument, which is a law or a fit. Raises BadInput when it is neither,
-    or out of range.
+    """Return the law of the argument, which is a law or a fit.
+
+    Raises BadInput when it is neither, or out of range.
     """
     basquin = law.law if isinstance(law, BasquinFit) else law
     if not isinstance(basquin, Basquin):
@@ -160,12 +170,14 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
 
 
 class BasquinFit(NamedTuple):
-    """Basquin's law fitted to S-N points; confidence intervals at `confidence`, per cent, None
-    where unbounded.
+    """Basquin's law fitted to S-N points.
+
+    Confidence intervals are at `confidence`, per cent, and None where unbounded.
 
     A, B : of the same law as `sigma_a = A N^B`, MPa.   points : number of points.
     scatter : standard deviation of log10 N about the law.   range : fewest and most cycles of the
-    points."""
+    points.
+    """
 
     coefficient: float
     exponent: float
@@ -185,8 +197,9 @@ class BasquinFit(NamedTuple):
 
 
 def required_law(material: Material, alternative: str = "") -> Basquin:
-    """Return Basquin's law of a material. Raises BadInput without constants; its text ends with the
-    `alternative`.
+    """Return Basquin's law of a material.
+
+    Raises BadInput without constants; its text ends with the `alternative`.
     """
     if material.fatigue_strength_coefficient is None or material.fatigue_strength_exponent is None:
         known = ", ".join(
@@ -205,12 +218,14 @@ def required_law(material: Material, alternative: str = "") -> Basquin:
 
 
 def equivalent(amplitude: Array, mean: Array, walker: float | Array) -> Array:
-    """Return the fully reversed amplitude (...) of equal life to amplitudes and means (...), MPa;
-    zero without tension.
+    """Return the fully reversed amplitude (...) of equal life to amplitudes and means (...), MPa.
+
+    It is zero without tension.
 
     It is `sigma_max^(1 - gamma) sigma_a^gamma`: K. Walker, ASTM STP 462 (1970) 1; for gamma = 0.5
     K. N. Smith, P. Watson, T. H. Topper, J. Materials 5 (1970) 767; N. E. Dowling, C. A. Calhoun,
-    A. Arcari, Fatigue Fract. Eng. Mater. Struct. 32 (2009) 163."""
+    A. Arcari, Fatigue Fract. Eng. Mater. Struct. 32 (2009) 163.
+    """
     highest = np.maximum(mean + amplitude, 0.0)
     return np.asarray(np.where(highest > 0.0, highest ** (1.0 - walker) * amplitude**walker, 0.0))
 

@@ -1,5 +1,6 @@
-"""Compliance of a hinge as wide as the plate is thick: between plane stress and plane strain, in
-milliseconds.
+"""Compliance of a hinge as wide as the plate is thick, in milliseconds.
+
+It is between plane stress and plane strain.
 
 A hinge that bends about the normal of the plate is a plate of its own, as wide as the mechanism is
 thick, whose rigidity follows the height of the profile. Where it bends, it would curve the other
@@ -8,7 +9,8 @@ prevent this. Here the plate of Reissner and Mindlin is solved with Legendre pol
 width and finite elements of degree 4 along the axis: deflection w, rotations a and c of the normal
 along the axis and across it. The tension of the hinge is that of the membrane of the same height,
 with displacements u along the axis and v across it. The ends are rigid. R. D. Mindlin, J. Appl.
-Mech. 18 (1951) 31; the extension by polynomials across: L. V. Kantorovich."""
+Mech. 18 (1951) 31; the extension by polynomials across: L. V. Kantorovich.
+"""
 
 from __future__ import annotations
 
@@ -47,8 +49,9 @@ MOST_BREAKS = 9  # of a profile that elements follow; a table has as many as row
 
 
 class _Across(NamedTuple):
-    """Means (k, k) over the width of products of even and odd Legendre polynomials and of their
-    slopes.
+    """Means (k, k) over the width of products of Legendre polynomials and of their slopes.
+
+    The polynomials are even and odd.
     """
 
     even: Array
@@ -60,8 +63,9 @@ class _Across(NamedTuple):
 
 
 class _Along(NamedTuple):
-    """Quadrature along the axis: positions x and weights (e, q), mm, of e elements, and the heights
-    there.
+    """Quadrature along the axis: positions x and weights (e, q), mm, of e elements.
+
+    There are the heights at the positions, too.
 
     values, slopes : (e, q, n), of the shape functions, slopes in 1/mm.
     """
@@ -74,8 +78,9 @@ class _Along(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """A part of twice the energy: `coefficient` (e, q) times one field or its slope times another
-    one or its slope.
+    """A part of twice the energy.
+
+    It is `coefficient` (e, q) times one field or its slope times another one or its slope.
 
     rows, columns : (k,), numbers of the fields.   left, right : (e, q, n), `_Along.values` or
     `slopes`.
@@ -94,8 +99,9 @@ class _Term(NamedTuple):
 def wide_factors(
     profile: Profile, poissons_ratio: float, thickness: float
 ) -> tuple[float, float, float]:
-    """Return the ratios of the axial, transverse and rotational compliance to those in plane
-    stress, at the centre.
+    """Return the ratios of axial, transverse and rotational compliance to those in plane stress.
+
+    They hold at the centre.
 
     poissons_ratio : of the material.   thickness : of the plate, mm.
 
@@ -104,7 +110,8 @@ def wide_factors(
     Notes
     -----
     Both are solved on the same elements, plane stress with a beam. Against finite elements of
-    single hinges in three dimensions: see "The analytic model" in docs/three-dimensions.md."""
+    single hinges in three dimensions: see "The analytic model" in docs/three-dimensions.md.
+    """
     along = _along(profile, thickness)
     shear = 1 / (SHEAR_CORRECTION * 2 * (1 + poissons_ratio))
     ratios = list[float]()
@@ -118,8 +125,9 @@ def wide_factors(
 
 
 def contraction(ratio: ArrayLike) -> Array:
-    """Return the share (...) by which ends contract along z, from none for rigid ones to one for
-    free ones.
+    """Return the share (...) by which ends contract along z.
+
+    It is from none for rigid ones to one for free ones.
 
     ratio : (...), thickness of the plate over the height of the ends, where the hinge meets its
     bodies.
@@ -159,8 +167,9 @@ def _along(profile: Profile, thickness: float) -> _Along:
 
 @cache
 def _element() -> tuple[AnyArray, AnyArray, Array, Array]:
-    """Points and weights (q,), and values and slopes (q, n) of the shape functions through the
-    points of Lobatto.
+    """Points and weights (q,), and values and slopes (q, n) of the shape functions.
+
+    These are those through the points of Lobatto.
     """
     highest = np.zeros(DEGREE + 1)
     highest[DEGREE] = 1.0
@@ -176,8 +185,9 @@ def _element() -> tuple[AnyArray, AnyArray, Array, Array]:
 
 @cache
 def _across(count: int) -> _Across:
-    """Return the means of products of the first `count` even and odd polynomials, on a width from
-    -1 to 1.
+    """Return the means of products of the first `count` even and odd polynomials.
+
+    The width is from -1 to 1.
     """
     points, weights = legendre.leggauss(2 * count + 2)
     polynomials = np.eye(2 * count)
@@ -201,8 +211,9 @@ def _across(count: int) -> _Across:
 def _in_plane_terms(
     along: _Along, rigidity: Array, ratio: float, thickness: float, first: Index, second: Index
 ) -> list[_Term]:
-    """Terms of the stretching or bending of a plate, by fields along its axis (`first`, even) and
-    across it (odd).
+    """Terms of the stretching or bending of a plate.
+
+    Fields are even along its axis (`first`) and odd across it.
     """
     means = _across(len(first))
     scale = 2 / thickness
@@ -228,8 +239,9 @@ def _membrane(along: _Along, ratio: float, shear: float, thickness: float, count
 
 
 def _plate(along: _Along, ratio: float, shear: float, thickness: float, count: int) -> Array:
-    """Return the compliance (2, 2), transverse at the centre and rotational, times Young's modulus
-    and thickness.
+    """Return the compliance (2, 2), transverse at the centre and rotational.
+
+    It is multiplied by Young's modulus and the thickness.
 
     shear : modulus of transverse shear over Young's modulus.
     """
@@ -257,8 +269,9 @@ def _plate(along: _Along, ratio: float, shear: float, thickness: float, count: i
 
 
 def _compliance(along: _Along, terms: Sequence[_Term], fields: int, loads: Array) -> Array:
-    """Return the compliance (d, d) for loads (d, d) on the first d fields at the far end; all
-    others are held there.
+    """Return the compliance (d, d) for loads (d, d) on the first d fields at the far end.
+
+    All others are held there.
 
     The near end is held. The matrix is banded, and kept by the diagonals below the main one.
     """

@@ -1,10 +1,10 @@
-"""The paper's equations (1) to (33), in its own form, at any configuration and load of the
-platform.
+"""The paper's equations (1) to (33), in its own form, at any configuration and load.
 
 Mobility (1) and the freedoms of the hinges; chains at finite joint displacements with their
 influence coefficients (4), (19) to (27); the two loops of the three chains and their dependent
 joints (5) to (9); stiffness of the platform from the joint springs (10) to (18) and inverse
-kinematics (28) to (31). At rest `network` gives the same stiffness."""
+kinematics (28) to (31). At rest `network` gives the same stiffness.
+"""
 
 from __future__ import annotations
 
@@ -40,8 +40,9 @@ FREEDOMS_BY_MOBILITY: dict[int, Freedoms] = {
 
 
 def gruebler_kutzbach(links: int, joint_freedoms: Iterable[int], dimension: int = 3) -> int:
-    """Return M = D (N - 1) + sum (f_i - D) (1) for N links, one of them the ground; D = 3 in the
-    plane, 6 in space.
+    """Return M = D (N - 1) + sum (f_i - D) (1) for N links, one of them the ground.
+
+    D = 3 in the plane, 6 in space.
     """
     return dimension * (links - 1) + sum(f - dimension for f in joint_freedoms)  # (1)
 
@@ -52,9 +53,11 @@ def mobility(freedoms: Freedoms) -> int:
 
 
 def freedoms_of(mobility: int | None, prismatic: ArrayLike | None = None) -> Freedoms:
-    """Return the freedoms for mobility 3, 6, 12 or 21. For None, the flags `prismatic` (3 chains, 3
-    hinges) of a stage state which hinges have an axial freedom. Raises BadInput for any other
-    number."""
+    """Return the freedoms for mobility 3, 6, 12 or 21.
+
+    For None, the flags `prismatic` (3 chains, 3 hinges) of a stage state which hinges have an axial
+    freedom. Raises BadInput for any other number.
+    """
     if mobility is None and prismatic is not None:
         return tuple(
             tuple(_RA if flag else _R for flag in chain)
@@ -74,8 +77,9 @@ QUARTER_TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  #
 
 
 class Joints(NamedTuple):
-    """The N single-freedom joints of the stage, in order: chain by chain, base to platform,
-    rotation, axial, shear.
+    """The N single-freedom joints of the stage, in order.
+
+    They are in the order of chains, from base to platform, then rotation, axial, shear.
 
     chain, hinge : (N,), counted from 0.   kind : (N,), index into `KINDS`.
     """
@@ -115,8 +119,9 @@ def joints_of(freedoms: Freedoms) -> Joints:
 
 
 class Configuration(NamedTuple):
-    """The stage at given joint displacements, by every chain (the poses agree when the loops are
-    closed).
+    """The stage at given joint displacements, by every chain.
+
+    The poses agree when the loops are closed.
 
     pose : (..., 3 chains, 3), displacement (x, y, Phi) of the platform from rest, mm and rad.
     pivots : (..., 3 chains, 3 hinges, 2), neck centre of each hinge as a point of its base-side
@@ -178,13 +183,15 @@ def first_order(joints: Joints, at: Configuration) -> list[Array]:
 
 
 def second_order(joints: Joints, iG: list[Array]) -> list[Array]:
-    """Return the influence coefficients iH of each chain, (..., 3, N_i, N_i): u'' = iG iphi'' +
-    iphi'^T iH iphi'.
+    """Return the influence coefficients iH of each chain, (..., 3, N_i, N_i).
+
+    They are those of u'' = iG iphi'' + iphi'^T iH iphi'.
 
     For two joints, the translation in the column of the distal one is rotated by a quarter turn if
     the proximal one is a revolute: revolute-revolute (-(x - p_nx), -(y - p_ny), 0),
     revolute-prismatic (-d_ny, d_nx, 0). It is zero if the proximal one is prismatic. Symmetric in
-    the two joints."""
+    the two joints.
+    """
     iH = []
     for own_joints, G in zip(joints.chains, iG, strict=True):
         is_revolute = joints.kind[own_joints] == ROTATION
@@ -197,8 +204,9 @@ DEPENDENT = 6  # three equations in each of two loops
 
 
 class Choice(NamedTuple):
-    """Indices of the independent (..., M) and the dependent joints (..., 6); no leading axes if all
-    designs agree.
+    """Indices of the independent (..., M) and the dependent joints (..., 6).
+
+    There are no leading axes if all designs agree.
     """
 
     independent: Index
@@ -206,8 +214,9 @@ class Choice(NamedTuple):
 
 
 class Influence(NamedTuple):
-    """Influence coefficients of the stage at one configuration; nan for a design whose loops are
-    singular.
+    """Influence coefficients of the stage at one configuration.
+
+    They are nan for a design whose loops are singular.
 
     pose : (..., 3), platform displacement from rest by chain 1, mm and rad.
     gap : (..., 6), pose by chain 1 minus that by chain 2, then minus that by chain 3: zero when the
@@ -230,12 +239,14 @@ class Influence(NamedTuple):
 
 
 def choose(frames: Frames, joints: Joints, springs: Array) -> Choice:
-    """Return the paper's choice of independent joints where it states one, else that of
-    `rank_revealing`.
+    """Return the paper's choice of independent joints, else that of `rank_revealing`.
+
+    The paper states one for some mobilities.
 
     For mobility three the paper takes the base joints; for mobility six with the axial freedom at
     the base it takes phi_1 and phi_2 of every chain, which costs digits of K_uu (1e-7 where entries
-    of G_p are 1e5 mm/rad)."""
+    of G_p are 1e5 mm/rad).
+    """
     for number, last in ((3, 0), (6, 1)):
         if np.array_equal(joints.slot, joints_of(FREEDOMS_BY_MOBILITY[number]).slot):
             return chosen(joints, (joints.kind == ROTATION) & (joints.hinge <= last))
@@ -250,13 +261,15 @@ def chosen(joints: Joints, is_independent: Array | Index) -> Choice:
 
 
 def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
-    """Choose six dependent joints for every design by a pivoted QR decomposition of the loop
-    Jacobian at rest.
+    """Choose six dependent joints for every design.
+
+    They follow by a pivoted QR decomposition of the loop Jacobian at rest.
 
     Columns are weighted by k^-1/2 (joint motions of equal energy), rows of rotation by the mean
     distance of the hinges from the platform centre, so that the pivots do not depend on units. Each
     pivot is the softest joint that the loops still constrain. Stiff joints stay independent: (16)
-    adds their springs to the diagonal without rounding the others."""
+    adds their springs to the diagonal without rounding the others.
+    """
     from scipy.linalg import (
         qr,
     )  # takes a tenth of a second to import, and only commanded joints need it
@@ -308,8 +321,9 @@ def _congruence(G: Array, H: Array) -> Array:
 
 
 def _loop_equations(poses: Array, iG: list[Array]) -> tuple[Array, Array]:
-    """Return the loop Jacobian L (..., 6, N), L phi' = 0, and the gap (..., 6) of chain poses (...,
-    3, 3).
+    """Return the loop Jacobian L (..., 6, N), L phi' = 0, and the gap (..., 6) of chain poses.
+
+    poses : (..., 3, 3).
     """
     G1, G2, G3 = iG
     O2 = np.zeros_like(G2)
@@ -329,8 +343,9 @@ def columns(L: Array, index: Index) -> Array:
 
 
 def in_joint_order(dependent: Array, independent: Array, choice: Choice) -> Array:
-    """Merge rows of the dependent (..., 6, K) and the independent (..., M, K) joints in joint order
-    (..., N, K).
+    """Merge rows of the dependent and the independent joints in joint order (..., N, K).
+
+    dependent : (..., 6, K).   independent : (..., M, K).
     """
     lead = dependent.shape[:-2]
     rows = np.concatenate(
@@ -354,8 +369,9 @@ class PaperModel(NamedTuple):
 
 
 class JointStiffness(NamedTuple):
-    """Stiffness at one configuration and load; nan for a design with singular loops or a singular
-    K_aa.
+    """Stiffness at one configuration and load.
+
+    It is nan for a design with singular loops or a singular K_aa.
 
     K_aa, C_aa : (..., M, M), stiffness of the independent joints (16) and its inverse.
     C_uu, K_uu : (..., 3, 3), compliance (17) and stiffness (18) of the platform in x, y, Phi: mm,
@@ -371,8 +387,9 @@ class JointStiffness(NamedTuple):
 
 
 class JointMotion(NamedTuple):
-    """Joint displacements, rad and mm: independent (..., M), dependent (..., 6), and all in joint
-    order (..., N).
+    """Joint displacements, rad and mm.
+
+    They are independent (..., M), dependent (..., 6), and all in joint order (..., N).
     """
 
     independent: Array
@@ -383,8 +400,9 @@ class JointMotion(NamedTuple):
 def mechanism(
     frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None
 ) -> PaperModel:
-    """Return the model of hinges with compliances (..., 3, 3) in their `freedoms`; None chooses by
-    `choose`.
+    """Return the model of hinges with compliances (..., 3, 3) in their `freedoms`.
+
+    choice : None takes that of `choose`.
     """
     joints = joints_of(freedoms)
     table = np.stack(np.broadcast_arrays(*compliance), axis=-1)
@@ -397,12 +415,14 @@ def mechanism(
 def stiffness(
     model: PaperModel, displacement: Array | None = None, load: Array | None = None
 ) -> JointStiffness:
-    """Return K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and
-    platform load (..., 3).
+    """Return K_aa (16), C_uu (17) and K_uu (18) at joint displacements and a load.
+
+    The displacements (..., N) are from rest, and the load (..., 3) is on the platform.
 
     The load is dead: a force at the platform centre, moving with it, and a moment. None means rest
     and no load. The displacements must close the loops; at equilibrium K_uu is the tangent
-    stiffness."""
+    stiffness.
+    """
     phi = np.zeros(len(model.joints.kind)) if displacement is None else displacement
     F_u = np.zeros(3) if load is None else load
     coefficients = influence(model.frames, model.joints, model.choice, phi)
@@ -441,8 +461,9 @@ def effective_load(
 
 
 def inverse_kinematics(model: PaperModel, at: JointStiffness, du: Array) -> JointMotion:
-    """Return the joint motion of least potential energy for the platform displacement du (..., 3),
-    (29)-(31).
+    """Return the joint motion of least potential energy for a motion of the platform, (29)-(31).
+
+    du : (..., 3), displacement of the platform.
     """
     G_u = at.influence.G_u
     G_p = at.influence.G_p
@@ -454,8 +475,9 @@ def inverse_kinematics(model: PaperModel, at: JointStiffness, du: Array) -> Join
 
 
 def split(values: Array, choice: Choice) -> tuple[Array, Array]:
-    """Split values (..., N) of all joints into those of the independent (..., M) and the dependent
-    (..., 6) joints.
+    """Split values (..., N) of all joints into those of independent and dependent joints.
+
+    They are (..., M) and (..., 6).
     """
     independent, dependent = (columns(values[..., None, :], index)[..., 0, :] for index in choice)
     return independent, dependent

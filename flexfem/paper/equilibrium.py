@@ -86,8 +86,9 @@ class Serial(NamedTuple):
 
 
 class Equilibrium(NamedTuple):
-    """A stage in equilibrium with a load on the platform and the forces of its stacks, if any, in r
-    unknowns.
+    """A stage in equilibrium with a load on the platform and the forces of its stacks, if any.
+
+    It has r unknowns.
 
     pose : (..., 3), mm and rad, relative to the unloaded stage.   load : (..., 3), on the platform,
     N and N mm.
@@ -95,7 +96,8 @@ class Equilibrium(NamedTuple):
     `under_load` and `at_pose`.
     hessian : (..., r, r), second derivatives of the energy and the potential of the loads.
     G : (..., 9, r), derivative of the poses of the chains.   J : (n, r), derivative of the
-    openings. nan for a design whose loops are singular at rest."""
+    openings. nan for a design whose loops are singular at rest.
+    """
 
     pose: Array
     load: Array
@@ -116,8 +118,10 @@ class Equilibrium(NamedTuple):
 
     @property
     def without_terms(self) -> Equilibrium:
-        """The same without the second-order terms of (16), `- tau_p o H_p - F_u o H_u`. Their sum
-        does not depend on the choice of independent joints, but each term does."""
+        """The same without the second-order terms of (16), `- tau_p o H_p - F_u o H_u`.
+
+        Their sum does not depend on the choice of independent joints, but each term does.
+        """
         return self._replace(
             hessian=np.broadcast_to(np.eye(self.hessian.shape[-1]), self.hessian.shape)
         )
@@ -203,8 +207,11 @@ def _serial_of(model: PaperModel) -> Serial:
 
 
 class _Unknowns(NamedTuple):
-    """Unknowns of the equilibrium: joint displacements q (..., r) of unit stiffness, wrenches w
-    (..., 9) at the ends of the chains, and the pose u (..., 3)."""
+    """Unknowns of the equilibrium.
+
+    q : (..., r), joint displacements of unit stiffness.   w : (..., 9), wrenches at the ends of the
+    chains.   u : (..., 3), the pose.
+    """
 
     q: Array
     w: Array

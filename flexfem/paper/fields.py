@@ -1,6 +1,4 @@
-"""Loads of stacks on a stage, and quantities of its fields: stress and wrenches at necks, stress at
-clamped edges.
-"""
+"""Loads of stacks on a stage, and stress and wrenches at its necks and clamped edges."""
 
 from __future__ import annotations
 
@@ -53,8 +51,9 @@ def _near_necks(stage: Stage, mesh: StageMesh, chain: int) -> list[Index]:
 
 
 class NeckStress(NamedTuple):
-    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, and its distances from the mid-plane,
-    mm.
+    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, and its distances from the mid-plane.
+
+    The distances are in mm.
     """
 
     highest: Array
@@ -62,8 +61,9 @@ class NeckStress(NamedTuple):
 
 
 def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
-    """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm; also over the
-    thickness when extruded.
+    """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm.
+
+    It is that over the thickness, too, when extruded.
 
     Stress is averaged at the nodes, and the largest within a notch radius of the neck is taken.
     """
@@ -81,18 +81,21 @@ def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
 def notch_fields(
     stage: Stage, response: Response, loads: Array
 ) -> Iterator[tuple[tuple[int, int], Array]]:
-    """Yield chain and hinge of every notch, from 0, and the stress, MPa, at its nodes under loads
-    (k, 3).
+    """Yield chain and hinge of every notch, from 0, and the stress, MPa, at its nodes.
+
+    loads : (k, 3).
 
     The stress is (k, p, 2, 2); with layers (k, p, m, 3, 3). Its axes are those of chain 1 if one
-    sector represents all."""
+    sector represents all.
+    """
     for number, (rotation, stress) in enumerate(_notches(stage, response, loads)):
         yield divmod(number, 3), np.tensordot(rotation, stress, axes=1)
 
 
 def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[Array, Array]]:
-    """Yield loads (k, 3), turned to the chain that represents a notch, and the stresses of the
-    cases at its nodes.
+    """Yield loads (k, 3) and the stresses of the cases at the nodes of each notch.
+
+    The loads are turned to the chain that represents the notch.
     """
     cyclic = len(response.sectors) == 1
     mesh = response.structure.mesh
@@ -106,11 +109,13 @@ def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[A
 
 
 def base_rotations(stage: Stage, response: Response) -> Array:
-    """Rotation (3 loads, 3 chains), rad, of link 1 relative to the pad at each base hinge,
-    mid-plane, per unit load.
+    """Rotation (3 loads, 3 chains), rad, of link 1 relative to the pad at each base hinge.
+
+    It is that in the mid-plane, per unit load.
 
     A body rotates as the rigid motion that best fits its nodes from one to two notch radii from the
-    neck centre."""
+    neck centre.
+    """
     mesh = response.structure.mesh
     fields = response.nodal
     rows = []
@@ -136,8 +141,9 @@ def envelope(response: Response) -> float:
 
 
 def edge_maxima(mesh: StageMesh, values: Array) -> Array:
-    """Largest values (3 chains, ...) on each clamped edge of nodal values (n, ...), without
-    `CORNER` at both ends.
+    """Largest values (3 chains, ...) on each clamped edge of nodal values (n, ...).
+
+    The share `CORNER` at both ends is left out.
     """
     maxima = []
     for nodes in clamped_nodes(mesh):
@@ -149,8 +155,9 @@ def edge_maxima(mesh: StageMesh, values: Array) -> Array:
 
 
 def largest_within(places: Array, values: Array, low: float, high: float) -> Array:
-    """Largest of values (n, ...), given at `places` (n,) and linear in between, from `low` to
-    `high`.
+    """Largest of values (n, ...) from `low` to `high`.
+
+    They are given at `places` (n,) and linear in between.
     """
     from scipy.interpolate import make_interp_spline
 
@@ -163,8 +170,9 @@ def largest_within(places: Array, values: Array, low: float, high: float) -> Arr
 
 
 def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> Response:
-    """Solve for unit loads on the hub and for one newton of each of n stacks, with the ground
-    clamped.
+    """Solve for unit loads on the hub and for one newton of each of n stacks.
+
+    The ground is clamped.
 
     The compliance (3 + n, 3 + n) is that of the pose and of the openings of the stacks.
     """
@@ -173,9 +181,7 @@ def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> R
 
 
 def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
-    """Return the unit loads (unknowns, 3 + n) of the three directions of the platform and of the
-    stacks.
-    """
+    """Return the unit loads (unknowns, 3 + n) of the directions of the platform and of the stacks."""
     nodal = np.zeros((3 + len(stacks), *structure.mesh.nodes.shape))
     hub = np.eye(3, 3 + len(stacks))
     for j, stack in enumerate(stacks, start=3):
@@ -190,8 +196,9 @@ def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
 
 
 def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
-    """Return nodal forces (n, 2), N, of one newton of a stack on a link of a chain (from 0), with
-    its exact wrench.
+    """Return nodal forces (n, 2), N, of one newton of a stack on a link of a chain (from 0).
+
+    They have its exact wrench.
     """
     assert push.station is not None
     link = _body_mesh(mesh, 4 * chain + push.body)
@@ -210,11 +217,13 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
 
 
 def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
-    """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck, about the
-    platform centre.
+    """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck.
+
+    They are taken about the platform centre.
 
     N and N mm, for fields (k, n, 2), mm; they sum the nodal forces at the neck of the triangles of
-    the base-side body."""
+    the base-side body.
+    """
     wrenches = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
     for chain in range(3):
         for hinge, name in enumerate(HINGE_NAMES):

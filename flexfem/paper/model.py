@@ -99,9 +99,7 @@ class AnalyticResult(NamedTuple):
         return _model_name(self.formula, self.links, self.mobility, self.plane)
 
     def neck_stress(self, stage: Stage, poses: Array) -> Array:
-        """Return the largest von Mises stress (..., 3 chains, 3 hinges), MPa, at poses (..., 3) of
-        the stage.
-        """
+        """Return the largest von Mises stress (..., 3 chains, 3 hinges), MPa, at poses (..., 3)."""
         design = lower(stage)
         wrench = Wrench(
             *(np.einsum("cnd,...d->...cn", part, poses)[..., None] for part in self.wrench)
@@ -111,8 +109,9 @@ class AnalyticResult(NamedTuple):
 
 
 def hinge_compliances(designs: Designs, formula: str) -> Compliance:
-    """Return the compliances of all hinges, fields (n, 3 chains, 3 hinges), in the designs' plane;
-    nan off a chart.
+    """Return the compliances of all hinges, fields (n, 3 chains, 3 hinges).
+
+    They are those in the designs' plane, and nan off a chart.
 
     Raises BadInput for an unknown formula.
     """
@@ -133,8 +132,9 @@ def hinge_compliances(designs: Designs, formula: str) -> Compliance:
 
 
 def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
-    """Return whether the formula is valid for each hinge (n, 3, 3). Raises BadInput for an unknown
-    formula.
+    """Return whether the formula is valid for each hinge (n, 3, 3).
+
+    Raises BadInput for an unknown formula.
     """
     return formulas.formula(formula).in_range(
         designs.radius, designs.neck, designs.link_width[:, None, None]
@@ -142,8 +142,9 @@ def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
 
 
 def _is_valid(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
-    """Return whether the formula and the thickness chart cover each hinge (n, 3, 3), by the reason
-    if not.
+    """Return whether the formula and the thickness chart cover each hinge (n, 3, 3).
+
+    They are listed by the reason if not.
     """
     valid = {}
     if formulas.formula(formula).charted:
@@ -159,8 +160,9 @@ def _is_valid(designs: Designs, formula: str, hinges: Compliance) -> dict[str, N
 
 
 def invalid_hinges(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
-    """Return, by table of the hinge and reason, the designs whose hinges the formula or a chart
-    does not cover.
+    """Return the designs whose hinges the formula or a chart does not cover.
+
+    They are listed by table of the hinge and reason.
     """
     return [
         Broken(f"hinges.{name}: {reason}", ~np.all(valid[:, :, position], axis=1))
@@ -172,11 +174,13 @@ def invalid_hinges(designs: Designs, formula: str, hinges: Compliance) -> list[B
 def network_of(
     frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None
 ) -> Network:
-    """Return the stages as networks of the platform and the links of chain 1, 2 and 3, joined by
-    the nine hinges.
+    """Return the stages as networks of the platform and the links of chain 1, 2 and 3.
+
+    The nine hinges join them.
 
     bodies : (..., 9, 9), compliance of elastic bodies at the platform's hinges, as from
-    `body_compliance`."""
+    `body_compliance`.
+    """
     allowed = np.array(
         [[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms]
     )
@@ -190,8 +194,9 @@ def network_of(
 
 
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:
-    """Return the neck forces (..., 3 chains, 3 hinges, k) of wrenches (..., 3 chains, 3 hinges, 3,
-    k) at the origin.
+    """Return the neck forces (..., 3 chains, 3 hinges, k) of wrenches at the origin.
+
+    wrenches : (..., 3 chains, 3 hinges, 3, k).
     """
     F_x, F_y, M = (wrenches[..., row, :] for row in range(3))
     x = frames.centres[..., 0, None]
@@ -216,8 +221,9 @@ def stress_raised(designs: Designs) -> Concentration:
 def at_rest(
     designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None
 ) -> PlatformAtRest:
-    """Return the response of n designs at rest with hinges of compliances (n, 3, 3); the stiffness
-    is that of (18).
+    """Return the response of n designs at rest with hinges of compliances (n, 3, 3).
+
+    The stiffness is that of (18).
 
     bodies : (n, 9, 9), of `body_compliance`; None where pads, links and platform are rigid.
     """
@@ -231,8 +237,9 @@ def at_rest(
 def stiffness_with_necks(
     stage: Stage, necks: Array, formula: str, freedoms: Freedoms, bodies: Array | None = None
 ) -> Array:
-    """Return the stiffness (n, 3, 3) of a stage with other necks (n, 3, 3), mm, the same bodies;
-    nan off a chart.
+    """Return the stiffness (n, 3, 3) of a stage with other necks (n, 3, 3), mm.
+
+    The bodies are the same; it is nan off a chart.
     """
     designs = lower(stage).repeated(len(necks))
     designs.neck[:] = necks
@@ -293,6 +300,7 @@ def choose(
     stage: Stage, mobility: int | None, formula: str | None, links: bool, warnings: list[str]
 ) -> ModelChoice:
     """Return the requested model in the plane of the stage's file, or `best_model` by default.
+
     Raises BadInput.
     """
     if links and mobility not in (None, 21):
@@ -308,11 +316,13 @@ def choose(
 
 
 def best_model(stage: Stage, warnings: list[str]) -> ModelChoice:
-    """Return the default model of every question: calibrated hinges, corrected for thickness, and
-    elastic links.
+    """Return the default model of every question.
+
+    It has calibrated hinges, corrected for thickness, and elastic links.
 
     A `model` in the stage file is kept. Where a chart does not cover a hinge, the default formula
-    or plane stress is used, and a warning is added."""
+    or plane stress is used, and a warning is added.
+    """
     formula = CALIBRATED
     try:
         hinge_compliance(stage, formula)
@@ -337,8 +347,9 @@ def corrected(stage: Stage) -> Stage:
 
 
 def _refuse_thin_neck(stage: Stage, formula: str, freedoms: Freedoms, bodies: Array | None) -> None:
-    """Refuse the thinnest neck of a stage without a solution if the stage has one with wider thin
-    necks.
+    """Refuse the thinnest neck of a stage without a solution.
+
+    It is refused if the stage has a solution with wider thin necks.
     """
     design = lower(stage)
     chain, position = np.unravel_index(np.argmin(design.neck[0]), (3, 3))
@@ -362,11 +373,13 @@ def _refuse_thin_neck(stage: Stage, formula: str, freedoms: Freedoms, bodies: Ar
 def assemble(
     stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA
 ) -> PaperModel:
-    """Return the paper's model of the stage, for any load and configuration; arguments as for
-    `analyse`.
+    """Return the paper's model of the stage, for any load and configuration.
+
+    Arguments are those of `analyse`.
 
     Six other joints are dependent where the independent joints of the paper do not determine the
-    rest."""
+    rest.
+    """
     freedoms = freedoms_of(mobility, lower(stage).prismatic)
     model = mechanism(stage_frames(stage), hinge_compliance(stage, formula), freedoms)
     if np.isnan(stiffness(model).K_uu).any():

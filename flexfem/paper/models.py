@@ -32,8 +32,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlatformModel:
-    """Common interface of both models; poses (..., 3) in mm, mm, rad, forces (..., 3) in N, N, N
-    mm, order x, y, theta.
+    """Common interface of both models.
+
+    Poses (..., 3) are in mm, mm, rad, forces (..., 3) in N, N, N mm, in the order x, y, theta.
 
     stiffness, compliance : (3, 3), of the platform at rest: N, mm, rad.
     """
@@ -48,27 +49,31 @@ class PlatformModel:
         return f"<{type(self).__name__} of {self.stage.name!r}: {free}>"
 
     def force(self, pose: ArrayLike) -> Array:
-        """Return the load (..., 3) that holds the platform at poses (..., 3), by (18). Raises
-        BadInput: other shape.
+        """Return the load (..., 3) that holds the platform at poses (..., 3), by (18).
+
+        Raises BadInput for another shape.
         """
         return apply(self.stiffness, poses("pose", pose))
 
     def pose(self, force: ArrayLike) -> Array:
-        """Return the pose (..., 3) of the platform under loads (..., 3). Raises BadInput: other
-        shape.
+        """Return the pose (..., 3) of the platform under loads (..., 3).
+
+        Raises BadInput for another shape.
         """
         return apply(self.compliance, forces("force", force))
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, at poses
-        (..., 3).
+        """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa.
+
+        poses : (..., 3).
         """
         raise NotImplementedError
 
     @cached_property
     def range_at_yield(self) -> Array:
-        """Displacement (3,) in each direction, the others held, at which the first neck yields: mm,
-        mm, rad.
+        """Displacement (3,) in each direction, the others held, at which the first neck yields.
+
+        It is in mm, mm, rad.
         """
         highest: Array = np.max(self.neck_stress(np.eye(3)), axis=(1, 2))
         return self.stage.material.yield_strength / highest
@@ -90,8 +95,9 @@ class AnalyticModel(PlatformModel):
     result: AnalyticResult
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """See `PlatformModel`: `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see
-        `profiles.concentration`.
+        """See `PlatformModel`.
+
+        It is `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `profiles.concentration`.
         """
         return self.result.neck_stress(self.chosen.stage, poses("pose", pose))
 
@@ -104,8 +110,9 @@ class AnalyticModel(PlatformModel):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ElementModel(PlatformModel):
-    """Plane finite elements of a stage, as `solve` returns them; resolution: quadratic triangles
-    across every neck.
+    """Plane finite elements of a stage, as `solve` returns them.
+
+    resolution : quadratic triangles across every neck.
     """
 
     resolution: int
@@ -141,8 +148,9 @@ class ElementModel(PlatformModel):
 
     @cached_property
     def band(self) -> Array:
-        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad, from two coarser
-        meshes.
+        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad.
+
+        It follows from two coarser meshes.
         """
         steps = levels(self.resolution)
         return compliance_bands(
@@ -165,12 +173,14 @@ class ElementModel(PlatformModel):
 
 
 class Errors(NamedTuple):
-    """Error percentages: finite-element displacement minus commanded displacement, under the force
-    of (18).
+    """Error percentages of an analytic model.
+
+    They are the displacement by finite elements minus the commanded one, under the force of (18).
 
     percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations
     count with the lever l3, as CONVENTIONS says.   band : (3, 3), percentage points, half-width of
-    the numerical uncertainty."""
+    the numerical uncertainty.
+    """
 
     percent: Array
     band: Array
@@ -248,8 +258,9 @@ def errors(
     links: bool = False,
     resolution: int = RESOLUTION,
 ) -> Errors:
-    """Error percentages of an analytic model against finite elements under the load `K du`, (18),
-    with their bands.
+    """Error percentages of an analytic model against finite elements, with their bands.
+
+    Both are under the load `K du`, (18).
 
     Parameters
     ----------

@@ -1,5 +1,4 @@
-"""Response of the analytic model to drives, vibration and heat: loads and openings of
-`model.network_of`.
+"""Response of the analytic model to drives, vibration and heat, by `model.network_of`.
 
 Drives: the unit force of a stack is a pair of opposite wrenches on two bodies, and its opening is
 the conjugate displacement. A force on an elastic link is distributed over a station, so that pieces
@@ -13,7 +12,8 @@ moves with either side.
 Heat: a chain that expands with its hinges at rest displaces the platform, as does a frame that
 expands. The difference is an opening of the chain. The change dT and the gradient are about the
 platform's centre. The frame also strains and bows the clamped edge of an elastic pad
-(`edge_motions`), which causes 1.1 % of the pose per gradient."""
+(`edge_motions`), which causes 1.1 % of the pose per gradient.
+"""
 
 from __future__ import annotations
 
@@ -55,8 +55,9 @@ ROUND_OFF = 1e-12  # relative, of the ends of two stations
 
 
 class DrivenModel(NamedTuple):
-    """Response to unit loads on the platform and a unit force of each of n stacks; leading axes are
-    designs.
+    """Response to unit loads on the platform and a unit force of each of n stacks.
+
+    Leading axes are designs.
 
     compliance : (..., 3 + n, 3 + n), pose and openings of the stacks, mm and rad, per N and N mm.
     necks : (..., 3 chains, 3 hinges, 3, 3 + n), wrench of each neck at the platform centre.
@@ -67,9 +68,11 @@ class DrivenModel(NamedTuple):
 
 
 class LinkParts(NamedTuple):
-    """Elastic bodies: compliance (..., 9, 9) of `body_compliance`; openings (..., 9, 3, 3 + n) of
-    joints and motions (..., 3 + n, 3 + n) by loads on the platform and n stacks, as in
-    `network.InternalMotions`."""
+    """Elastic bodies under loads on the platform and n stacks.
+
+    compliance : (..., 9, 9), of `body_compliance`.   openings : (..., 9, 3, 3 + n), of joints, and
+    motions : (..., 3 + n, 3 + n), as in `network.InternalMotions`.
+    """
 
     compliance: Array
     openings: Array
@@ -79,8 +82,9 @@ class LinkParts(NamedTuple):
 def driven_model(
     stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...] | None = None
 ) -> DrivenModel:
-    """Return the driven model of a stage with the hinges, freedoms and links of `result`; None
-    takes its own stacks.
+    """Return the driven model of a stage with the hinges, freedoms and links of `result`.
+
+    stacks : None takes its own.
 
     Raises BadInput for a stage without actuators.
     """
@@ -96,8 +100,9 @@ def driven(
     stacks: tuple[Stack, ...],
     elastic: LinkParts | None = None,
 ) -> DrivenModel:
-    """Return the driven model of any number of designs: frames (..., 3, 3, 2), hinges (..., 3, 3),
-    wrenches of stacks.
+    """Return the driven model of any number of designs.
+
+    frames : (..., 3, 3, 2).   hinges : (..., 3, 3).   The stacks are given by their wrenches.
 
     nan for a design with a chain that has no compliance in some direction.
     """
@@ -117,8 +122,9 @@ def _by_chain(wrenches: Array) -> Array:
 
 
 def _loads_of(stacks: tuple[Stack, ...]) -> Array:
-    """Loads (..., 7 bodies, 3, 3 + n): unit wrenches on the platform, then a unit force of each
-    stack.
+    """Loads (..., 7 bodies, 3, 3 + n): on the platform, then of each stack.
+
+    They are unit wrenches and unit forces.
     """
     lead = np.broadcast_shapes(
         *(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes)
@@ -134,8 +140,9 @@ def _loads_of(stacks: tuple[Stack, ...]) -> Array:
 
 
 def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
-    """Return the elastic pads, links and platform of one stage. Raises BadInput when they cannot be
-    drawn.
+    """Return the elastic pads, links and platform of one stage.
+
+    Raises BadInput when they cannot be drawn.
     """
     n = 3 + len(stacks)
     openings = np.zeros((len(JOINTS), 3, n))
@@ -164,8 +171,11 @@ def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
 
 
 class Pieces(NamedTuple):
-    """Pieces (q) of a line or arc of a chain's pad (link 0) or link: compliances (q, 3, 3) at the
-    platform in the frame of chain 1, and positions along the link, mm."""
+    """Pieces (q) of a line or arc of a chain's pad (link 0) or link.
+
+    They have compliances (q, 3, 3) at the platform in the frame of chain 1, and positions along the
+    link, mm.
+    """
 
     link: int
     compliance: Array
@@ -173,8 +183,9 @@ class Pieces(NamedTuple):
 
 
 def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
-    """Return the pieces of pad and links of a chain (1 to 3), base to platform, split at the ends
-    of the stations.
+    """Return the pieces of pad and links of a chain (1 to 3), base to platform.
+
+    They are split at the ends of the stations.
     """
     pieces = []
     for link, path in enumerate(drawn.centrelines(stage, chain)):
@@ -206,8 +217,9 @@ def _intervals(begin: float, end: float, stations: list[Station]) -> list[tuple[
 
 
 def distal_share(push: Push, link: int, at: Array) -> Array:
-    """Return the share (q,) of a force on a body that acts distal to places (q,), mm along a link
-    (0 is the pad).
+    """Return the share (q,) of a force on a body that acts distal to places (q,).
+
+    The places are in mm along a link (0 is the pad).
     """
     if push.body == link and push.station is not None:
         return share_beyond(push.station, at)
@@ -217,9 +229,11 @@ def distal_share(push: Push, link: int, at: Array) -> Array:
 def dynamics(
     stage: Stage, model: AnalyticResult, payload: Payload, stacks: tuple[Stack, ...] = ()
 ) -> Dynamics:
-    """Return the dynamics of one stage by an analytic model, of the twists of platform, then link 1
-    and link 2 of every chain, at the platform centre. The openings of `stacks` are appended to the
-    compliance, for `network.with_springs`."""
+    """Return the dynamics of one stage by an analytic model.
+
+    The motions are the twists of platform, then link 1 and link 2 of every chain, at the platform
+    centre. The openings of `stacks` are appended to the compliance, for `network.with_springs`.
+    """
     driven_stage = driven_model(
         stage, model, (*body_loads(stage if model.links else None), *stacks)
     )
@@ -239,11 +253,13 @@ def mass_matrix(stage: Stage, payload: Payload) -> Array:
 
 
 def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
-    """Return unit wrenches on the links: x, y, theta of link 1 and link 2 of every chain, in the
-    stage's frame.
+    """Return unit wrenches on the links: x, y, theta of link 1 and link 2 of every chain.
+
+    They are in the stage's frame.
 
     stage : distributes them along its elastic links, like inertia forces; None where links are
-    rigid."""
+    rigid.
+    """
     loads = []
     for chain in range(len(CHAINS)):
         for link in LINKS:
@@ -264,8 +280,7 @@ def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
 def under_weight(
     stage: Stage, model: AnalyticResult, payload: Payload, gravity: Array
 ) -> tuple[Array, Array]:
-    """Return the pose (3,) and the highest neck stress (3 chains, 3 hinges), MPa, of a stage under
-    its own weight.
+    """Return the pose (3,) and the highest neck stress (3 chains, 3 hinges), MPa, by own weight.
 
     gravity : (2,), acceleration in the plane, mm/s^2.
     """
@@ -276,8 +291,9 @@ def under_weight(
 
 
 def _stress(designs: Designs, wrenches: Array) -> Array:
-    """Largest von Mises stress (n, 3 chains, 3 hinges, k), MPa, for wrenches (n, 3, 3, 3, k) of the
-    necks.
+    """Largest von Mises stress (n, 3 chains, 3 hinges, k), MPa, by wrenches of the necks.
+
+    wrenches : (n, 3, 3, 3, k).
     """
     wrench = at_necks(designs.frames, wrenches)
     return neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
@@ -298,8 +314,9 @@ class WarmModel(NamedTuple):
 
 
 class WarmBodies(NamedTuple):
-    """Elastic bodies of n designs: compliance (n, 9, 9) of `body_compliance`, edges (n, 3, 3, 3) of
-    `edge_motions`.
+    """Elastic bodies of n designs.
+
+    compliance : (n, 9, 9), of `body_compliance`.   edges : (n, 3, 3, 3), of `edge_motions`.
     """
 
     compliance: Array
@@ -307,8 +324,9 @@ class WarmBodies(NamedTuple):
 
 
 class DriftRates(NamedTuple):
-    """Drift of n designs: pose per kelvin (n, 3), mm and rad; largest translation and rotation per
-    K/mm (n, 2).
+    """Drift of n designs.
+
+    Pose per kelvin (n, 3), mm and rad; largest translation and rotation per K/mm (n, 2).
     """
 
     uniform: Array
@@ -324,8 +342,9 @@ def require_expansion(stage: Mechanism, frame: bool = False) -> None:
 
 
 def in_plane(designs: Designs) -> tuple[Array, Array]:
-    """Return the effective in-plane expansions (n,), 1/K, of stage and frame; a missing frame's
-    equals the stage's.
+    """Return the effective in-plane expansions (n,), 1/K, of stage and frame.
+
+    That of a missing frame equals the stage's.
     """
     stage, frame = designs.expansion.T
     frame = np.where(np.isnan(frame), stage, frame)
@@ -333,13 +352,15 @@ def in_plane(designs: Designs) -> tuple[Array, Array]:
 
 
 def rates_of(pose: Array) -> DriftRates:
-    """Return the drift rates of poses (n, 3, 3 cases), the largest over all directions of the
-    gradient.
+    """Return the drift rates of poses (n, 3, 3 cases).
+
+    They are the largest over all directions of the gradient.
 
     Notes
     -----
     The translation is the largest singular value, in closed form, of the matrix (2, 2) of both
-    gradients. Translation and rotation may be largest for different directions."""
+    gradients. Translation and rotation may be largest for different directions.
+    """
     (a, b), (c, d), rotation = np.moveaxis(pose[:, :, 1:], 0, -1)
     translation = (np.hypot(a + d, c - b) + np.hypot(a - d, b + c)) / 2
     return DriftRates(pose[:, :, 0], np.stack([translation, np.hypot(*rotation)], axis=-1))
@@ -373,8 +394,9 @@ def drift(
 
 
 def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:
-    """Return the displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone, its
-    hinges at rest.
+    """Return the displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone.
+
+    The hinges are at rest.
 
     That of the ground about the platform's centre is the same for any path of the chain.
     """

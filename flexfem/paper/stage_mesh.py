@@ -187,8 +187,9 @@ def _sector(job: FaceMesh, arrays: NamedArrays) -> Sector:
 
 
 def plate_of(stage: Stage) -> Plate:
-    """Return the plate of the plane problem of a stage. Raises BadInput for a model that is not
-    plane.
+    """Return the plate of the plane problem of a stage.
+
+    Raises BadInput for a model that is not plane.
     """
     with located(stage):
         if stage.model == "corrected":
