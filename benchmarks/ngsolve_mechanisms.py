@@ -36,9 +36,9 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 import flexfem
 from flexfem.arrays import Array
 from flexfem.mechanism.edges import Bezier, Curve
+from flexfem.mechanism.hinge_place import cut_box, joint_loop
 from flexfem.mechanism.layout import Joint, Layout, Patch
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.plate import cut_box, joint_loop
 from flexfem.results import ELEMENTS, SOLID
 
 CURVED = 5  # largest order of the edges of elements

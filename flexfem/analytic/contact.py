@@ -19,8 +19,9 @@ from flexfem.mechanism.gaps import (
     names_of_parts,
     pairs_of_parts,
 )
+from flexfem.mechanism.hinge_place import ALONG
 from flexfem.mechanism.layout import Layout
-from flexfem.mechanism.plate import ALONG, body_polygon
+from flexfem.mechanism.plate import body_polygon
 
 # of a gap: the least share that displacements must be able to close for the gap to be measured
 CLOSED = 0.5

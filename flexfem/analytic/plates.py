@@ -25,9 +25,10 @@ from flexfem.analytic.network import (
 )
 from flexfem.arrays import AnyArray, Array
 from flexfem.hinges.wide import wide_factors
+from flexfem.mechanism.hinge_place import cuts_of
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
 from flexfem.mechanism.outlines import area_moments, inertia_of, integrals, polygon_points, polyline
-from flexfem.mechanism.plate import components, cuts_of
+from flexfem.mechanism.plate import components
 from flexfem.mechanism.profile import Profile
 from flexfem.refused import BadInput, ComputationFailed
 

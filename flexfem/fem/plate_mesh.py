@@ -35,19 +35,11 @@ from flexfem.fem.mesher import (
 from flexfem.fem.plate_symmetry import divided, symmetry_of
 from flexfem.fem.refinement import refinements
 from flexfem.fem.sizes import COARSEST, TIME_LIMIT, first_good, smaller_at
+from flexfem.mechanism.hinge_place import cuts_of, end_lines, joint_loop, neck_line, section_middle
 from flexfem.mechanism.layout import Joint, Layout, Move
 from flexfem.mechanism.outlines import Segment, circle_of, reverse
-from flexfem.mechanism.plate import (
-    check_layout,
-    components,
-    cuts_of,
-    end_lines,
-    joint_loop,
-    mean_width,
-    neck_line,
-    section_middle,
-    triangles_needed,
-)
+from flexfem.mechanism.plate import components, mean_width
+from flexfem.mechanism.plate_checks import check_layout, triangles_needed
 from flexfem.refused import ComputationFailed
 
 PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs

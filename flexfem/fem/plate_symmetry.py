@@ -11,9 +11,11 @@ import shapely
 
 from flexfem.arrays import AnyArray
 from flexfem.fem.mesher import DIVIDING, Line, Region
+from flexfem.mechanism.hinge_place import ALONG, joint_polygon
 from flexfem.mechanism.layout import Body, Joint, Layout, Move
 from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
-from flexfem.mechanism.plate import ALONG, TOUCHING, body_polygon, joint_polygon
+from flexfem.mechanism.plate import body_polygon
+from flexfem.mechanism.plate_checks import TOUCHING
 
 DECIMALS = 9  # of coordinates, mm, of parts that are equal
 BEYOND = TOUCHING / 2  # mm, of a dividing line beyond the edge of the plate

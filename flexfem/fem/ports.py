@@ -29,8 +29,8 @@ from flexfem.fem.modes import Modes, modes, vibrating_structure
 from flexfem.fem.response import HEAT_CASES, Factorised, Response, free_displacement, resultants_of
 from flexfem.fem.structure import NONE, Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import full_space
+from flexfem.mechanism.hinge_place import in_hinge
 from flexfem.mechanism.layout import Joint, Layout, Patch
-from flexfem.mechanism.plate import in_hinge
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses

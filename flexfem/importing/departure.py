@@ -15,9 +15,10 @@ import shapely
 from flexfem.arrays import AnyArray
 from flexfem.importing.found import Drawing
 from flexfem.mechanism.edges import Bezier, Curve, Ellipse
+from flexfem.mechanism.hinge_place import SIDES, cuts_of, end_corners, joint_loop
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.plate import GRID, SIDES, cuts_of, end_corners, joint_loop
+from flexfem.mechanism.plate import GRID
 
 CHORD = 4e-6  # mm, of a polygon from the curve that it follows
 MOST = 4000  # corners along one curve

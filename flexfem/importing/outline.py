@@ -12,9 +12,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from flexfem.files.refusals import as_toml
+from flexfem.mechanism.hinge_place import SIDES, end_corners
 from flexfem.mechanism.layout import Joint
 from flexfem.mechanism.outlines import SHORTEST, Segment
-from flexfem.mechanism.plate import SIDES, end_corners
 
 SLIVER = 1e-6  # mm; shorter segments are round-off
 STRAIGHT = 1e-6  # mm, of corners from a straight side, or of centres of arcs on one circle

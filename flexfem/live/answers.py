@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
+from flexfem.mechanism.hinge_place import joint_polygon
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import body_polygon, joint_polygon
+from flexfem.mechanism.plate import body_polygon
 from flexfem.questions.modes import modes
 from flexfem.questions.stiffness import stiffness
 from flexfem.results import Progress, Result

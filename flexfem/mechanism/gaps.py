@@ -12,8 +12,10 @@ import numpy as np
 import shapely
 
 from flexfem.arrays import Array, Index
+from flexfem.mechanism.hinge_place import ALONG, joint_polygon
 from flexfem.mechanism.layout import Joint, Layout
-from flexfem.mechanism.plate import ALONG, INSIDE, TOUCHING, body_polygon, joint_polygon
+from flexfem.mechanism.plate import INSIDE, body_polygon
+from flexfem.mechanism.plate_checks import TOUCHING
 
 MIDDLE = ALONG[INSIDE]
 BESIDE = 100.0  # height of the strip beside a hinge, per length

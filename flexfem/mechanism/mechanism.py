@@ -21,7 +21,7 @@ from flexfem.mechanism.keys import Key
 from flexfem.mechanism.layout import Constants, Layout
 from flexfem.mechanism.layouts import Layouts
 from flexfem.mechanism.materials import Frame, Material
-from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.plate_checks import check_layout
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 

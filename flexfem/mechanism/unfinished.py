@@ -19,7 +19,7 @@ from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.materials import with_material_of_file
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile, read_mechanism
-from flexfem.mechanism.plate import ungrounded
+from flexfem.mechanism.plate_checks import ungrounded
 from flexfem.refused import BadInput
 
 STAND_INS: dict[str, Any] = {  # for keys without which no file can be read; none of them is drawn

@@ -16,9 +16,10 @@ from matplotlib.path import Path
 
 from flexfem.arrays import Array
 from flexfem.mechanism.dimensions import Disc, Span
+from flexfem.mechanism.hinge_place import joint_polygon
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import body_polygon, extent, joint_polygon, plate_polygon
+from flexfem.mechanism.plate import body_polygon, extent, plate_polygon
 from flexfem.plot.drawing import (
     DIMENSION,
     WHITE_BOX,

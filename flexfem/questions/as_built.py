@@ -16,7 +16,7 @@ from flexfem.fem.ports import plate_response
 from flexfem.mechanism.content import located
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.plate_checks import check_layout
 from flexfem.questions import plates, setup
 from flexfem.questions.necks import HingePlace, Necks, Widths, read_necks
 from flexfem.questions.plates import PART_RESOLUTION, ElasticParts

@@ -16,10 +16,11 @@ from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
 from flexfem.mechanism.assembly import GROUND
 from flexfem.mechanism.gaps import names_of_parts, smallest_gaps
+from flexfem.mechanism.hinge_place import joint_polygon
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism, of_stage
 from flexfem.mechanism.parts import PlateBody
-from flexfem.mechanism.plate import body_polygon, joint_polygon
+from flexfem.mechanism.plate import body_polygon
 from flexfem.mechanism.profile import Profile
 from flexfem.mechanism.profile_shape import FILE_KEYS
 from flexfem.questions import warnings as warning

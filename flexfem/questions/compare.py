@@ -19,11 +19,12 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.importing.departure import Departure, departure, fine_polygon
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, load
 from flexfem.importing.roles import Wishes
+from flexfem.mechanism.hinge_place import joint_polygon
 from flexfem.mechanism.layout import Joint, Layout, Move
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.outlines import polygon_points
-from flexfem.mechanism.plate import body_polygon, joint_polygon, plate_polygon
+from flexfem.mechanism.plate import body_polygon, plate_polygon
 from flexfem.mechanism.profile import Profile
 from flexfem.mechanism.profiles import Circular, Leaf
 from flexfem.questions.modes import modes

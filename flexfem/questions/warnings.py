@@ -12,7 +12,8 @@ from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.materials import Material
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import plate_mass, size_of, triangles_needed
+from flexfem.mechanism.plate import plate_mass, size_of
+from flexfem.mechanism.plate_checks import triangles_needed
 from flexfem.paper.designs import envelope, lower
 from flexfem.paper.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.paper.stage import HINGE_NAMES, Stage

@@ -20,9 +20,11 @@ from flexfem.fem.mesh import jacobians, nodes_on, scaled_jacobians
 from flexfem.fem.plate_mesh import mesh_layout, plate_contours
 from flexfem.fem.plate_symmetry import symmetry_of
 from flexfem.fem.ports import plate_response
+from flexfem.mechanism.hinge_place import end_lines, joint_polygon
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import Segment, area, disc, polyline, reverse
-from flexfem.mechanism.plate import check_layout, end_lines, has_sharp_corner, joint_polygon
+from flexfem.mechanism.plate import has_sharp_corner
+from flexfem.mechanism.plate_checks import check_layout
 from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, profile_of
 from flexfem.mechanism.tabulated import Tabulated
 from flexfem.refused import BadInput, ComputationFailed

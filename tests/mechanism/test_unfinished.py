@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import pytest
 
-from flexfem.mechanism.plate import joint_polygon
+from flexfem.mechanism.hinge_place import joint_polygon
 from flexfem.mechanism.unfinished import read_drawable
 from flexfem.refused import BadInput
 
