@@ -169,7 +169,8 @@ def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READIN
     if refusal is not None:
         layout = drawable.file.mechanism.layout_as_drawn
         drawable = drawable._replace(file=drawable.file._replace(layout=layout))
-    mechanism, layout, missing = drawable.file
+    mechanism = drawable.file.mechanism
+    missing = drawable.file.missing
     draw = partial(_draw, drawable=drawable, refusal=refusal)
     window = target is None and show_window(draw, mechanism.name)
     written = list[Path]()

@@ -170,7 +170,7 @@ class ImportedPlate(NamedTuple):
     found: FoundPlate
     roles: Roles
     written: WrittenMechanism
-    mechanism: Mechanism
+    mechanism: MechanismFile
     off: Departure
 
     @property

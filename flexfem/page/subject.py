@@ -12,6 +12,7 @@ from markupsafe import Markup
 from flexfem.arrays import Array
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.content import located
+from flexfem.mechanism.expansion import require_expansion
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.page.key import KeyResults, errors_driven, first_frequencies, opened, rows_at_rest
 from flexfem.page.section import (
@@ -34,7 +35,7 @@ from flexfem.questions import plates
 from flexfem.questions.budget import budget
 from flexfem.questions.check import check
 from flexfem.questions.drive import drive
-from flexfem.questions.heat import drift, require_expansion
+from flexfem.questions.heat import drift
 from flexfem.questions.large import large
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
@@ -105,7 +106,7 @@ class MechanismPage:
     amplitude : of the section on life, mm, mm, rad; None without it.
     """
 
-    questions: ClassVar[dict[str, tuple[Question, ...]]] = {
+    of_section: ClassVar[dict[str, tuple[Question, ...]]] = {
         "analytic": (ANALYTIC_MODEL,),
         "elements": (stiffness,),
         "budget": (plates.verification, budget),
@@ -138,6 +139,10 @@ class MechanismPage:
         """Whether a section needs finite elements, of which the key results then are."""
         return not self.without_mesh.issuperset(self.sections)
 
+    def questions(self, section_name: str) -> tuple[Question, ...]:
+        """Return the questions of a section."""
+        return self.of_section[section_name]
+
     def ask(self, question: Question) -> Any:
         """Return the answer of a question about the mechanism, which is computed once."""
         if question not in self._answers:
@@ -164,7 +169,7 @@ class MechanismPage:
     def _available(self, sections: Sequence[str]) -> list[str]:
         """Return the requested sections that the mechanism has. Raises BadInput."""
         origin = self.mechanism.origin
-        if "life" in sections and "life" not in self.questions:
+        if "life" in sections and "life" not in self.of_section:
             raise BadInput(f"{origin}: section life, expected some of {', '.join(SECTIONS[:-1])}")
         if self.mechanism.layout.joints:
             return list(sections)
@@ -189,7 +194,7 @@ class MechanismPage:
         if name == "stress":
             return self._stress_section()
         title = TITLES[name]
-        answers = [self.ask(question) for question in self.questions[name]]
+        answers = [self.ask(question) for question in self.questions(name)]
         figures = list[Markup]()
         for found in answers:
             if found.figure and name not in TABLES_ONLY:
@@ -215,7 +220,8 @@ class MechanismPage:
         for axis in self.stressed_axes:
             amplitude = STRESS_AMPLITUDES[axis]
             unit = COMMANDS[axis]
-            found = self.displaced(tuple(amplitude * np.eye(3)[axis]))
+            x, y, theta = amplitude * np.eye(3)[axis]
+            found = self.displaced((float(x), float(y), float(theta)))
             name = f"{SYMBOLS[axis]} = {amplitude * unit.factor:g} {unit}"
             displaced[name] = Stresses(plane_fields(found.fields), self.stresses(found))
         columns = [each.highest for each in displaced.values()]
@@ -234,7 +240,7 @@ class MechanismPage:
         share = percent(100 * largest / self.mechanism.material.yield_strength)
         return f"{name}: {significant(largest)} {STRESS} at most, {share} of the yield strength"
 
-    def displaced(self, held: tuple[float, ...]) -> Any:
+    def displaced(self, held: tuple[float, float, float]) -> Any:
         """Return the answer of finite elements held at a displacement, mm, mm, rad."""
         return stiffness(self.mechanism, models="elements", displacement=held, no_limits=True)
 

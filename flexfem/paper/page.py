@@ -39,7 +39,7 @@ COARSE = 2  # triangles across a neck, for the motions by actuators, which are o
 class StagePage(MechanismPage):
     """The page of a stage."""
 
-    questions: ClassVar[dict[str, tuple[Question, ...]]] = {
+    of_section: ClassVar[dict[str, tuple[Question, ...]]] = {
         "analytic": (ANALYTIC_MODEL,),
         "elements": (summary,),
         "budget": (SHARES,),
@@ -55,10 +55,15 @@ class StagePage(MechanismPage):
 
     def __init__(self, mechanism: Stage, sections: Sequence[str], amplitude: Any) -> None:
         super().__init__(mechanism, sections, amplitude)
-        self.questions = {**self.questions, "life": (partial(life, amplitude=amplitude),)}
         if self.meshed:  # a stated plane problem is that of both models
             self.mechanism = mechanism.model_copy(update={"model": mechanism.model})
             self.mechanism.__dict__["origin"] = mechanism.origin
+
+    def questions(self, section_name: str) -> tuple[Question, ...]:
+        """Return the questions of a section; that on life is asked for the amplitude of the page."""
+        if section_name == "life":
+            return (partial(life, amplitude=self.amplitude),)
+        return super().questions(section_name)
 
     @property
     def is_driven(self) -> bool:
@@ -69,7 +74,7 @@ class StagePage(MechanismPage):
         """Return the assumed keys of a checked stage and of its drive."""
         return assumptions_of([checked, checked.drive] if checked.drive else [checked])
 
-    def displaced(self, held: tuple[float, ...]) -> Any:
+    def displaced(self, held: tuple[float, float, float]) -> Any:
         """Return the answer of finite elements held at a displacement, mm, mm, rad."""
         return stiffness(self.mechanism, models="elements", displacement=held)
 

@@ -49,7 +49,13 @@ def write(
     axes: Axes, at: Point, text: str, colour: str = INK, size: float = 9.0, **style: Any
 ) -> None:
     """Write a text centred at a point, in data coordinates."""
-    look = {"ha": "center", "va": "center", "size": size, "color": colour, "zorder": 8} | style
+    look: dict[str, Any] = {
+        "ha": "center",
+        "va": "center",
+        "size": size,
+        "color": colour,
+        "zorder": 8,
+    } | style
     axes.text(float(at[0]), float(at[1]), text, **look)
 
 

@@ -41,7 +41,7 @@ def front_page(
     numbers = len(rows[0]) - 1
     widths = [NAME_WIDTH, *[(WIDTH - 0.6 - NAME_WIDTH) / max(numbers, 1)] * numbers]
     heights = [FRONT_HEIGHT]
-    mosaic: list[list[str]] = [["front"] * COLUMNS]
+    mosaic: list[Any] = [["front"] * COLUMNS]
     if designs:
         lines = -(-len(designs) // COLUMNS)
         mosaic += [_cells(line, len(designs)) for line in range(lines)]

@@ -204,7 +204,7 @@ def plot_hinge(ax: Axes) -> Axes:
     right = 1 + BLOCK
     left = -right - 0.45
     _draw_outline(ax, top, right)
-    load = {"colour": NOTE_COLOUR, "width": 2.0}
+    load: dict[str, Any] = {"colour": NOTE_COLOUR, "width": 2.0}
     arrow(ax, (left, -top), (left, top), "<|-|>")  # h
     arrow(ax, (0.0, -top), (-np.sqrt(0.5), np.sqrt(0.5) - top))  # R
     arrow(ax, (0.0, NECK / 2 + 0.45), (0.0, NECK / 2))  # t, on both sides

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -65,7 +65,7 @@ def plot_budget(ax: Axes, budget: StageBudget, direction: Direction) -> Axes:
         end = start + bar.value
         ends.append(end)
         colour = INK if bar.is_total else COLOURS[int(bar.value < 0)]
-        look = {"height": 0.62, "color": colour, "ecolor": GREY, "capsize": 4}
+        look: dict[str, Any] = {"height": 0.62, "color": colour, "ecolor": GREY, "capsize": 4}
         ax.barh(row, bar.value, left=start, xerr=bar.band or None, **look)
         text = number(bar.value, bar.band) if bar.band else f"{bar.value:+.{places}f}"
         right = max(start, end) + bar.band

@@ -50,7 +50,7 @@ def command_figure(found: StageDrive) -> Figure:
     title = f"{found.about.name}: strokes and forces for a pose"
     figure = style.below_header(size, title, _header(found), found.about)
     ratios: dict[str, Any] = {"width_ratios": [1.5, 1.0], "height_ratios": [upper, lower]}
-    mosaic = [["stage", "strokes"], ["stage", "forces"]]
+    mosaic: list[Any] = [["stage", "strokes"], ["stage", "forces"]]
     axes: dict[str, Axes] = figure.subplot_mosaic(mosaic, **ratios)
     titled(plot_strokes(axes["strokes"], found), "b", "strokes of the actuators (numbers: stacks)")
     titled(plot_forces(axes["forces"], found), "c", "forces of the stacks")

@@ -49,7 +49,7 @@ def model_sketch(model: CurveModels) -> Figure:
     ]
     for kind in ("axial", "shear"):
         if any(kind in hinge.freedoms for hinge in model.hinges):
-            box = {"facecolor": "white", "edgecolor": SLIDER, "linewidth": 1.6}
+            box: dict[str, Any] = {"facecolor": "white", "edgecolor": SLIDER, "linewidth": 1.6}
             handles.append(Patch(label=MEANING[kind], **box))
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
