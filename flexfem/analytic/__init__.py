@@ -1,1 +1,1 @@
-"""The analytic model: joint springs, influence coefficients, platform stiffness, exact equilibrium."""
+"""The analytic model: networks of bodies and hinges, and beams with finite rotations."""

@@ -75,7 +75,7 @@ class Clearance:
         return shapely.transform(self.bodies[body], moved)
 
     def _hinge(self, number: int, q: Array, shares: Array) -> Any:
-        """Return the polygon of a bent hinge at shares of its length, whose sections turn with it."""
+        """Return the polygon of a bent hinge at shares of its length."""
         joint = self.layout.joints[number]
         x = shares * joint.profile.length
         breaks = np.array(joint.profile.breaks)
@@ -173,8 +173,8 @@ class Clearance:
 def _bent(marks: Array, places: AnyArray, headings: Array, x: Array) -> AnyArray:
     """Return points (m,), complex, mm, of cubic curves through the nodes of a bent hinge.
 
-    marks : (n,), mm, positions of the nodes on the axis at rest.   places, headings : (n,), complex,
-    mm, and rad, of the nodes.   x : (m,), positions of the points at rest.
+    marks : (n,), mm, positions of the nodes on the axis at rest.   places, headings : (n,),
+    complex, mm, and rad, of the nodes.   x : (m,), positions of the points at rest.
     """
     beam = np.clip(np.searchsorted(marks, x, side="right") - 1, 0, len(marks) - 2)
     length = np.diff(marks)[beam]

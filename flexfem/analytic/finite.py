@@ -54,7 +54,7 @@ class FiniteResponse(NamedTuple):
 
 
 def beam_stiffness(profile: Profile, marks: Array, E: float, nu: float, thickness: float) -> Array:
-    """Return the stiffness (n, 3, 3) of parts of a profile, of elongation and rotations of the ends.
+    """Return the stiffness (n, 3, 3) of parts of a profile: elongation and rotations of the ends.
 
     The rotations are relative to the chord.
 
@@ -215,7 +215,7 @@ def _stiffness_at_rest(layout: Layout, marks: dict[Profile, Array], hinges: Arra
 
 
 class FinitePlate:
-    """A mechanism in its unknowns: displacement and rotation of bodies, then of nodes between beams.
+    """A mechanism in its unknowns: motions of bodies, then of nodes between beams.
 
     There are three unknowns for each. The nodes at the ends of a hinge move with its bodies; those
     at the ground have the three numbers after the last.
@@ -253,7 +253,7 @@ class FinitePlate:
         self.stiffness = _stiffness_at_rest(layout, marks, hinges)
 
     def deformed(self, q: Array) -> Beams:
-        """Beams at unknowns q (size,); a node at z of a body moves to the body's pose and turned z."""
+        """Beams at unknowns q (size,); nodes of bodies move and turn with them."""
         full = np.append(q, np.zeros(3))
         column = self.nodes.column
         chord = self.chord
@@ -300,7 +300,7 @@ class FinitePlate:
         return gradient[: self.size], hessian[: self.size, : self.size]
 
     def _at_ends(self, beams: Beams, stress: Array) -> tuple[Array, Array]:
-        """Gradient (e, 6) and Hessian (e, 6, 6) of the energy of beams for the motions of both ends.
+        """Gradient (e, 6) and Hessian (e, 6, 6) of the energy of beams by motions of both ends.
 
         stress : (e, 3), tension, N, and end moments, N mm.
         """

@@ -86,7 +86,7 @@ class Topology(NamedTuple):
 
 
 class OutputStiffness(NamedTuple):
-    """Stiffness (..., 3, 3) of the output, and wrenches (..., m, 3, 3) in joints per twist of it."""
+    """Stiffness (..., 3, 3) of the output, and wrenches (..., m, 3, 3) per twist of it."""
 
     matrix: Array
     wrenches: Array

@@ -67,7 +67,7 @@ class Placed(NamedTuple):
 
 
 class PathEnd(NamedTuple):
-    """End of a path: the displacement of the driven port, mm or rad, and the force on it, N or N mm.
+    """End of a path: displacement of the driven port, mm or rad, and force on it, N or N mm.
 
     kind : `YIELD`, `BODY_YIELD`, `BUCKLING`, `CONTACT`, `STROKE` or `NO_LIMIT`.   at : the
     equilibrium.
@@ -162,7 +162,7 @@ class DrivenPlate(FinitePlate):
         return found
 
     def plane_stress(self, wrenches: Array) -> Array:
-        """Highest von Mises stress (h,), MPa, in plane stress under wrenches (h, beams, 3) of beams.
+        """Highest von Mises stress (h,), MPa, in plane stress by wrenches (h, beams, 3).
 
         That of a hinge of another material is multiplied by `Layout.hinge_shares`.
         """
@@ -258,7 +258,7 @@ class DrivenPlate(FinitePlate):
         return inner, K[: self.rigid, : self.rigid] - inside
 
     def _by_hinges(self, K: Array) -> tuple[Array, Array]:
-        """Tangent (h, i, i) of the nodes inside every hinge, and columns (h, i, r) for the bodies."""
+        """Tangent (h, i, i) of nodes inside every hinge, and columns (h, i, r) for bodies."""
         n = self.rigid
         each = np.arange(self.hinges)
         inner = K[n:, n:].reshape(self.hinges, 3 * (BEAMS - 1), self.hinges, -1)
@@ -332,7 +332,7 @@ class DrivenPlate(FinitePlate):
         return np.array([at.forces[port] / x, np.max(self.stress(at.unknowns)) / abs(x)])
 
     def reached(self, port: int, held: Sequence[int], x: float) -> PathPoint | None:
-        """Return the equilibrium at a displacement of a port, in steps from rest; None without one."""
+        """Return the equilibrium at a displacement of a port, in steps from rest; else None."""
         path = _Path(self, [port, *held])
         done = 0.0
         share = 1 / STEPS
@@ -351,7 +351,7 @@ class DrivenPlate(FinitePlate):
         return None
 
     def least_margin(self, at: PathPoint, limits: PathLimits) -> Margin:
-        """Return the limit that an equilibrium is nearest to, about 1 from it at rest and 0 at it."""
+        """Return the limit nearest to an equilibrium: about 1 from it at rest and 0 at it."""
         strength = self.layout.yield_strength
         of_body = limits.body_stress * abs(float(at.forces[limits.port]))
         found = [
@@ -417,7 +417,7 @@ class _Path:
         self.placed = [*self.placed[-2:], following]
 
     def continued(self, x: float) -> PathPoint | None:
-        """Return the equilibrium at a displacement x, from the polynomial through those that are kept.
+        """Return the equilibrium at a displacement x, from the polynomial through others.
 
         None as of `FinitePlate.converged`.
         """
@@ -431,7 +431,7 @@ class _Path:
         return self.plate.driven(q, f, self.ports, np.eye(len(self.ports))[0] * x)
 
     def before_contact(self, x: float) -> tuple[Placed | None, bool]:
-        """Return the equilibrium at a displacement x, or at a smaller one where parts already touch.
+        """Return the equilibrium at a displacement x, or at a smaller one where parts touch.
 
         The second value states whether parts touch.
         """
@@ -447,7 +447,7 @@ class _Path:
         return None if at is None else Placed(x, at), True
 
     def limit_before(self, beyond: Placed, limits: PathLimits, linear: Array) -> PathEnd:
-        """Return the limit between the last equilibrium and one beyond it, by the Illinois method."""
+        """Return the limit between the last equilibrium and one beyond, by the Illinois method."""
         plate = self.plate
         inside = _Path(plate, self.ports)
         inside.placed = self.placed
@@ -502,12 +502,12 @@ class _Path:
 
 
 def drive_at_stroke(layout: Layout, motions: Array) -> str:
-    """Return the name of the actuator that is nearest to its stroke, at motions (k,) of the ports."""
+    """Return the name of the actuator nearest to its stroke, at motions (k,) of the ports."""
     strokes = np.array([actuator.stroke for actuator in layout.actuators])
     nearest = int(np.argmax(motions[list(layout.drive_ports)] / strokes))
     return repr(layout.actuators[nearest].name)
 
 
 def _at_centre(wrenches: Array) -> Array:
-    """Return the wrenches (h, 3) in the middle of hinges from those (h, beams, 3) of their beams."""
+    """Return the wrenches (h, 3) in the middle of hinges from those (h, beams, 3) of beams."""
     return np.asarray(wrenches[:, BEAMS // 2 - 1 : BEAMS // 2 + 1].mean(axis=1))

@@ -522,7 +522,7 @@ def modes(
 
 
 def weights(layout: Layout) -> tuple[tuple[Port, ...], Array]:
-    """Return ports (n) along x and y at the centres of all masses that move, and these (n,), tonne."""
+    """Return ports (n) along x and y at the centres of moving masses, and these (n,), tonne."""
     ports = list[Port]()
     masses = list[float]()
     parts = [(load.contact, load.mass) for load in layout.payloads]

@@ -9,8 +9,8 @@ them as fast. One sector of the reference stage took, without and with this, on 
 | trailing block of L | 19, 0.1 ms | 423, 0.1 ms | 811, 0.1 ms |
 | numerical factorisation, for comparison | 12 ms | 54 ms | 124 ms |
 
-The fields of a factor are compared with what is known of it before they are used; where they differ,
-the block is found by substitution.
+The fields of a factor are compared with what is known of it before they are used; where they
+differ, the block is found by substitution.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ class _ContactMotion(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Contacts with c parts of bodies, whose motion is the rigid motion nearest to that of the part.
+    """Contacts with c parts of bodies; each moves by the rigid motion nearest to its own.
 
     The motion of the part is linear in four numbers: displacements x and y of the point and
     rotation of small motions, and stretch. With the rotation b and the stretch s, the nearest
@@ -147,7 +147,8 @@ def _wrenches_on(patches: Sequence[Patch], ports: Sequence[Port]) -> Array:
 def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
     """Return the arm, mm, from the centroid of a contact to its point.
 
-    along_x, along_y, moment : (n, 2), nodal forces of `contact_forces`. A force at the point is one at the centroid with a moment.
+    along_x, along_y, moment : (n, 2), nodal forces of `contact_forces`. A force at the point is one
+    at the centroid with a moment.
     """
     x, y = moment.T
     return complex(along_y[:, 0] @ x / (x @ x), -along_x[:, 1] @ y / (y @ y))

@@ -107,7 +107,7 @@ class Layers(NamedTuple):
 
     @property
     def free_components(self) -> Index:
-        """Flat indices of the free components among (m, d) of the line: u, v of all nodes, then w."""
+        """Flat indices of the free components among (m, d): u, v of all nodes, then w."""
         index = np.arange(len(self.heights) * self.axes).reshape(-1, self.axes)
         uv = np.delete(index[:, :2], self.fixed, axis=0)
         w = np.delete(index[:, 2:], self.held, axis=0)
@@ -165,7 +165,7 @@ def mirrored(thickness: float, number: int, surface: float) -> Layers:
 
 
 def widening(s: Array, scale: float, total: float) -> Array:
-    """Map s in 0..1 to 0..total: evenly spaced up to about `scale`, then in geometric progression."""
+    """Map s in 0..1 to 0..total: evenly up to about `scale`, then in geometric progression."""
     return np.asarray(scale * np.sinh(np.arcsinh(total / scale) * s))
 
 
@@ -217,7 +217,7 @@ class ElementBatch(NamedTuple):
             )
 
     def assembly(self, nodes: int) -> tuple[Index, sp.csc_array]:
-        """Nodes (c,) of these triangles in a mesh, and the matrix (c, 6 e) that sums element values.
+        """Nodes (c,) of the triangles, and the matrix (c, 6 e) that sums element values.
 
         nodes : number of nodes of the mesh.
         """
@@ -230,7 +230,7 @@ class ElementBatch(NamedTuple):
         return own, sp.csc_array((np.ones(columns[-1]), rows, columns), shape=shape)
 
     def slopes(self, line: Layers, fields: Array) -> Array:
-        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3), mm.
+        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, *shape), mm.
 
         Displacements relative to the first node are used, so that large rigid motions cancel
         without round-off."""

@@ -170,7 +170,7 @@ class Condensed(NamedTuple):
 
 
 class _Cholesky:
-    """Factorisation by CHOLMOD with the last unknowns last, whose rows and columns of L are read."""
+    """Factorisation by CHOLMOD with the last unknowns last, for which L is read."""
 
     def __init__(self, K: Any, order: Index, last: int) -> None:
         size = len(order)
@@ -251,7 +251,7 @@ def _condensed_by_solves(lower: sp.csr_array, boundary: int) -> Condensed:
 
 
 class _Analysed(NamedTuple):
-    """A matrix in cvxopt with its symbolic factor, and the pattern (starts, columns) of its rows."""
+    """A matrix in cvxopt with its symbolic factor and the pattern of its rows."""
 
     starts: Index
     columns: Index

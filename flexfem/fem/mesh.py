@@ -209,7 +209,7 @@ def _number_of_pieces(mesh: StageMesh) -> int:
 
 
 def jacobians(mesh: StageMesh) -> Array:
-    """Jacobian determinants (m, 7), mm^2, at the nodes of each triangle, then their mean over it."""
+    """Jacobian determinants (m, 7), mm^2, at the nodes of each triangle, then their mean."""
     (xa, xb), (ya, yb) = _jacobian(mesh.nodes[mesh.triangles], shape_functions(NODES)[1])
     determinants = xa * yb - xb * ya
     mean = determinants[:, 3:].mean(axis=1)  # exact for the quadratic determinant

@@ -47,7 +47,8 @@ ROUNDING = 1e-6  # same for the last step, when steps no longer decrease: necks 
 def green_lagrange(slopes: Array) -> Array:
     """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a`.
 
-    It is `E = (H + H' + H'H) / 2`. Unlike `(F'F - 1) / 2`, this does not subtract numbers near one for small strains.
+    It is `E = (H + H' + H'H) / 2`. Unlike `(F'F - 1) / 2`, this does not subtract numbers near one
+    for small strains.
     """
     product = np.einsum("...caq,...cbq->...abq", slopes, slopes)
     return np.asarray((slopes + np.swapaxes(slopes, -3, -2) + product) / 2)
@@ -280,8 +281,8 @@ class Equilibria(NamedTuple):
 def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
     """Compute equilibria under dead loads (k, 3) or (3,) on the hub, each from the one before.
 
-    The first is found from rest. A load is a force, N, of fixed direction at the moving platform centre and a moment, N mm,
-    conjugate to theta.
+    The first is found from rest. A load is a force, N, of fixed direction at the moving platform
+    centre and a moment, N mm, conjugate to theta.
 
     Raises ComputationFailed when Newton's method fails even with the smallest load steps.
 
@@ -441,7 +442,7 @@ class _Step(NamedTuple):
 
 
 def _equilibria(model: LargeStructure, targets: Array, held: Sequence[int] = ()) -> Equilibria:
-    """Return the equilibria at loads (s, k) or (k,), or at motions (s, p) or (p,) of p held ports."""
+    """Return the equilibria at loads (s, k) or (k,), or at motions (s, p) or (p,) of ports."""
     targets = np.atleast_2d(np.asarray(targets, dtype=float))
     state = model.at_rest()
     start = np.zeros_like(targets[0])

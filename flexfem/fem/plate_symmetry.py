@@ -107,7 +107,7 @@ def _mirror_images(marks: Sequence[_Mark], about: complex) -> list[Move]:
 
 
 class DividedRegions(NamedTuple):
-    """Regions with circles whose corners the moves keep, and the lines between sectors or halves."""
+    """Regions with circles whose corners moves keep, and lines between sectors or halves."""
 
     regions: list[Region]
     lines: list[Line]

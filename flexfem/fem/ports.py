@@ -270,7 +270,8 @@ def _hinge_nodes(layout: Layout, mesh: StageMesh) -> tuple[Index, ...]:
 def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool_]:
     """Return which nodes (n, 2) of a hinge are near a fixed body.
 
-    There the hinge is higher than a quarter of the way from neck to end. A fixed body is rigid. The stress at the corners of such an end is therefore singular, in heat
+    There the hinge is higher than a quarter of the way from neck to end. A fixed body is rigid. The
+    stress at the corners of such an end is therefore singular, in heat
     most of all."""
     x = ((nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)).real
     high = joint.profile.height(x) > 0.75 * joint.profile.neck + 0.25 * joint.profile.end_height

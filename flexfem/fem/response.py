@@ -159,7 +159,8 @@ class Factorised:
 class _Balanced(NamedTuple):
     """Sums of a solution over the whole.
 
-    reactions : (c, pads, 3), N and N mm.   energy, work : (c, c), N mm, of the strain and the loads.
+    reactions : (c, pads, 3), N and N mm.   energy, work : (c, c), N mm, of the strain and the
+    loads.
     """
 
     reactions: Array
@@ -352,7 +353,7 @@ class Response:
         return list(np.unique(self.structure.mesh.bodies).tolist())
 
     def ratio_of(self, part: int) -> float:
-        """Return the ratio of stresses in the plane of a part, which follows its Poisson's ratio."""
+        """Return the ratio of stresses in the plane of a part, by its Poisson's ratio."""
         plate = self.structure.plate
         if not plate.mixed or not self.ratio:
             return self.ratio

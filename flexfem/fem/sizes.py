@@ -1,4 +1,4 @@
-"""Sizes of triangles that all meshes share, and further attempts at a mesh that fails its checks."""
+"""Sizes of triangles of all meshes, and further attempts at a mesh that fails its checks."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
 
 
 class _HingeAlone(NamedTuple):
-    """Mesh of a hinge, in its axes, and of its bodies near it; nodes on the sections at its ends."""
+    """Mesh of a hinge and its bodies near it, in its axes, and nodes on its end sections."""
 
     mesh: StageMesh
     near: Index

@@ -1,1 +1,1 @@
-"""Hinges: compliance formulas with their sources, charts by finite elements, strength of the necks."""
+"""Hinges: formulas of compliance with sources, charts by finite elements, strength."""

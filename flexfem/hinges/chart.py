@@ -138,7 +138,7 @@ class Series(NamedTuple):
         return np.asarray(np.logical_and.reduce(np.broadcast_arrays(*inside)))
 
     def at(self, *point: ArrayLike) -> Array:
-        """Return the values (functions, ...) at coordinates (...), broadcast; nan outside the box."""
+        """Return the values (functions, ...) at coordinates (...); nan outside the box."""
         clipped = [
             np.clip(np.asarray(x, dtype=float), *ends)
             for x, ends in zip(point, self.ends, strict=True)

@@ -262,7 +262,9 @@ def register_formula(
     Examples
     --------
     >>> import flexfem
-    >>> own = register_formula("plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5))
+    >>> own = register_formula(
+    ...     "plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5)
+    ... )
     >>> flexfem.analyse(flexfem.load("geometry/mobility3.toml"), formula="plain").formula
     'plain'
     """

@@ -133,7 +133,7 @@ class Basquin(NamedTuple):
     range_stated: bool = False
 
     def cycles(self, amplitude: ArrayLike) -> Array:
-        """Return the cycles to failure (...) at fully reversed amplitudes (...), MPa; inf at zero."""
+        """Return the cycles to failure (...) at reversed amplitudes (...), MPa; inf at zero."""
         with np.errstate(divide="ignore", over="ignore"):
             return np.asarray(
                 ONE_REVERSAL * (np.asarray(amplitude) / self.coefficient) ** (1.0 / self.exponent)

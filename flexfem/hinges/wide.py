@@ -141,7 +141,7 @@ def contraction(ratio: ArrayLike) -> Array:
 
 
 def _along(profile: Profile, thickness: float) -> _Along:
-    """Return the elements along the axis of a profile, some of them within a thickness of its ends."""
+    """Return the elements along the axis of a profile, some near its ends."""
     x = np.linspace(-profile.length / 2, profile.length / 2, FINE + 1)
     density = profile.height(x) ** DENSITY
     share = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])

@@ -90,7 +90,7 @@ class Joints(NamedTuple):
 
     @property
     def slot(self) -> Index:
-        """Index (N,) of each joint in the flattened full table of 3 chains, 3 hinges and 3 kinds."""
+        """Index (N,) of each joint in the flat table of 3 chains, 3 hinges and 3 kinds."""
         return 9 * self.chain + 3 * self.hinge + self.kind
 
     @property

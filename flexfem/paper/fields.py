@@ -181,7 +181,7 @@ def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> R
 
 
 def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
-    """Return the unit loads (unknowns, 3 + n) of the directions of the platform and of the stacks."""
+    """Return the unit loads (unknowns, 3 + n) of the platform's directions and of stacks."""
     nodal = np.zeros((3 + len(stacks), *structure.mesh.nodes.shape))
     hub = np.eye(3, 3 + len(stacks))
     for j, stack in enumerate(stacks, start=3):

@@ -117,7 +117,7 @@ def displacements(
 
 
 class _Equations(NamedTuple):
-    """Matrices (copies, 2n, 2n) of tractions and of displacements, real parts before imaginary ones.
+    """Matrices (copies, 2n, 2n) of tractions and displacements, real parts first.
 
     Their products with the tractions and displacements of all copies, each in its own frame, sum to
     zero.
@@ -361,7 +361,7 @@ def _beam_compliance(start: float, end: float, width: float, nu: float) -> Array
 
 
 def element_size(width: float, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
-    """Return the largest element size, mm, as a function of a point of a link-wide body with a neck."""
+    """Return the largest element size, mm, as a function of a point of a body with a neck."""
 
     def size(point: complex) -> float:
         distance = max(0.0, abs(point - pose.point) - hinge.neck / 2)
@@ -490,8 +490,9 @@ CORNER = 1 / 100
 def edge_motions(stage: Stage, neck_factor: float = 1.0) -> Array:
     """Return motions (3 chains, 3, 3 cases) of the platform by strain and bow of clamped edges.
 
-    The hinges are at rest. They are per difference of the expansions of frame and stage, for 1 K, 1 K/mm along x and 1 K/mm
-    along y about the platform's centre. `neck_factor` multiplies the necks of the base hinges.
+    The hinges are at rest. They are per difference of the expansions of frame and stage, for 1 K, 1
+    K/mm along x and 1 K/mm along y about the platform's centre. `neck_factor` multiplies the necks
+    of the base hinges.
 
     Notes
     -----
@@ -555,7 +556,8 @@ def _pad(hinge: Hinge, neck: Pose, width: float, middle: complex) -> list[Bounda
 def _edge_fields(z: AnyArray, normal: AnyArray, poissons_ratio: float) -> tuple[AnyArray, AnyArray]:
     """Displacements in equilibrium (n, 3) with three displacements of the edge, and tractions.
 
-    They are those for unit shear modulus. Their stresses along the edge are E; -E xi; E eta with a shear stress of -E xi, where xi is
+    They are those for unit shear modulus. Their stresses along the edge are E; -E xi; E eta with a
+    shear stress of -E xi, where xi is
     ahead of the edge."""
     nu = poissons_ratio
     x = z.real

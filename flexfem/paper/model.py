@@ -422,7 +422,8 @@ def _refusal(reason: str, stage: Stage, formula: str, chain: int, position: int)
     if reason == OFF_THICKNESS:
         values = f"t/R = {tau:.4g}, b/t = {b / hinge.neck:.4g}, nu = {nu:.4g}"
         ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().ends)
-        return f'{neck}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
+        chart_of = 'the thickness chart of model = "corrected"'
+        return f"{neck}: not on {chart_of} with {values}, expected {ends}"
     return (
         f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected "
         "another one"

@@ -120,7 +120,7 @@ class ElementModel(PlatformModel):
 
     @property
     def mesh(self) -> StageMesh:
-        """Nodes (n, 2), mm, curved quadratic triangles (m, 6), their bodies (m,) and named edges."""
+        """Nodes (n, 2), mm, quadratic triangles (m, 6), their bodies (m,) and named edges."""
         return self.solved.mesh
 
     def displacement(self, force: ArrayLike) -> Array:

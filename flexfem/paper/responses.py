@@ -203,7 +203,7 @@ def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
 
 
 def _intervals(begin: float, end: float, stations: list[Station]) -> list[tuple[float, float]]:
-    """Split a length of a path at the ends of stations; ends that differ by round-off count once."""
+    """Split a length of a path at the ends of stations, but for round-off."""
     marks = {
         mark
         for station in stations
@@ -245,7 +245,7 @@ def dynamics(
 
 
 def mass_matrix(stage: Stage, payload: Payload) -> Array:
-    """Return the mass matrix (21, 21) of the moving bodies of one stage, about the platform centre."""
+    """Return the mass matrix (21, 21) of the moving bodies about the platform centre."""
     areal = drawn.mass_per_area(stage)
     bodies = inertia_of(drawn.body_moments(stage), np.full((len(CHAINS), PLATFORM + 1), areal))
     platform = bodies[:, PLATFORM].sum(axis=0) + drawn.carried(stage, payload)
