@@ -159,12 +159,10 @@ def _nodes_at_rest(layout: Layout, marks: dict[Profile, Array]) -> BeamNodes:
     size = 3 * len(moving) + inner.size * 3
     column = np.full((hinges, BEAMS + 1), size)
     column[:, 1:-1] = 3 * len(moving) + inner
+    place = np.zeros(column.shape, dtype=complex)
     for number, joint in enumerate(layout.joints):
         column[number, [0, -1]] = [bodies.get(body, size) for body in joint.bodies]
-    on_axes = [np.exp(1j * joint.heading) * marks[joint.profile] for joint in layout.joints]
-    place = np.array(
-        [joint.place + points for joint, points in zip(layout.joints, on_axes, strict=True)]
-    )
+        place[number] = joint.place + np.exp(1j * joint.heading) * marks[joint.profile]
     arm = np.zeros_like(place)
     centre = np.zeros(size // 3 + 1, dtype=complex)
     for first in bodies.values():

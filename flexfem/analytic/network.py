@@ -110,10 +110,7 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
 
     Raises ValueError for a body that no path leads to.
     """
-    joints_at: dict[int, list[int]] = {body: [] for body in (GROUND, *range(bodies))}
-    for joint, ends in enumerate(joints):
-        for body in ends:
-            joints_at[body].append(joint)
+    joints_at = _joints_at(bodies, joints)
     branching = [body for body in range(bodies) if body != output and len(joints_at[body]) != 2]
     kept = (output, *branching)
     kept_loads = np.zeros((len(kept), bodies))
@@ -131,14 +128,29 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
     if missing:
         raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
     signs = np.zeros((len(paths), len(joints)))
-    incidence = np.zeros((len(paths), len(kept)))
     for row, path in enumerate(paths):
         signs[row, list(path.joints)] = path.signs
+    G = np.asarray(np.kron(_incidence(kept, paths), np.eye(3)), dtype=np.float64)
+    return Topology(kept, tuple(path.joints for path in paths), signs, G, kept_loads, joint_loads)
+
+
+def _joints_at(bodies: int, joints: tuple[tuple[int, int], ...]) -> dict[int, list[int]]:
+    """Return the joints at the ground and at each body."""
+    found: dict[int, list[int]] = {body: [] for body in (GROUND, *range(bodies))}
+    for joint, ends in enumerate(joints):
+        for body in ends:
+            found[body].append(joint)
+    return found
+
+
+def _incidence(kept: tuple[int, ...], paths: list[_Path]) -> Array:
+    """Return a matrix (P, K) with -1 at the kept body where a path starts, 1 where it ends."""
+    found = np.zeros((len(paths), len(kept)))
+    for row, path in enumerate(paths):
         for body, sign in ((path.start, -1.0), (path.end, 1.0)):
             if body != GROUND:
-                incidence[row, kept.index(body)] += sign
-    G = np.asarray(np.kron(incidence, np.eye(3)), dtype=np.float64)
-    return Topology(kept, tuple(path.joints for path in paths), signs, G, kept_loads, joint_loads)
+                found[row, kept.index(body)] += sign
+    return found
 
 
 class _Path(NamedTuple):

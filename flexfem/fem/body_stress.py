@@ -21,12 +21,10 @@ from flexfem.mechanism.plate import mean_width
 
 SHARP = np.deg2rad(20.0)  # turn of the edge of the plate at a corner without radius
 # Distance from such a corner, per mean width of the body, within which nodes are left out: two
-# triangles of the
-# coarsest mesh. Farther away the stress at the corner of a bar is within a few per cent of that of
-# a beam.
+# triangles of the coarsest mesh. Farther away the stress at the corner of a bar is within a few per
+# cent of that of a beam.
 NEAR = 0.25
-# distance from a contact, per radius, within which nodes are left out: a load is an idealisation
-# there
+# distance from a contact, per radius, within which nodes are left out: a load is idealised there
 AT_LOAD = 3.0
 
 

@@ -15,7 +15,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.fem.elements import Layers, Plate
 from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import SECTORS, Sector, StageMesh, joined, sector_rotation
-from flexfem.fem.response import factorised_stage
+from flexfem.fem.response import factorised_sectors
 from flexfem.fem.structure import Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import Space, full_space, whole_fields
 from flexfem.refused import ComputationFailed
@@ -148,7 +148,7 @@ def modes_of_tangent(
     return _ordered_modes(squares, shapes, mass, count)
 
 
-def stage_modes(
+def sector_modes(
     sectors: tuple[Sector, ...],
     plate: Plate,
     layers: Layers | None,
@@ -167,7 +167,7 @@ def stage_modes(
 
     Raises ComputationFailed as `modes` and `Structure.lower`.
     """
-    factorised = factorised_stage(sectors, plate, layers, degree)
+    factorised = factorised_sectors(sectors, plate, layers, degree)
     own = carried / SECTORS if factorised.cyclic else carried
     mass = mass_of(factorised.structure, density, own)
     vibrating = vibrating_structure(mass, space=factorised.spaces[0])

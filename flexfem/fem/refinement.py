@@ -22,8 +22,7 @@ CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an el
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
 AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
 RAYS = 0.1  # distance between rays from a side of a body, per mean width
-# triangles per full turn of holes and fillets of bodies, times the resolution: their stress follows
-# it
+# triangles per full turn of holes and fillets of bodies, times the resolution: their stress is finer
 ON_ARCS = 4.0
 MOST_ARCS = (
     200  # of a plate; with more of them, such as a sieve, the mesh follows the outline alone

@@ -27,7 +27,7 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, part_stresses
 from flexfem.fem.mesh import SECTORS, Sector, StageMesh, joined, nodes_on, sector_rotation
 from flexfem.fem.structure import Mass, Structure, structure
-from flexfem.fem.symmetry import Space, chain_values, full_space, harmonic_spaces, whole_fields
+from flexfem.fem.symmetry import Space, full_space, harmonic_spaces, sector_values, whole_fields
 from flexfem.refused import ComputationFailed
 
 BALANCE = 1e-9  # relative tolerance of reactions against loads and of energy against work
@@ -294,7 +294,7 @@ class Response:
             return self
         mesh, sector_nodes = joined(self.sectors)
         part = self.structure
-        nodal = whole_fields(len(mesh.nodes), sector_nodes, chain_values([self.nodal]))
+        nodal = whole_fields(len(mesh.nodes), sector_nodes, sector_values([self.nodal]))
         whole = structure(mesh, part.plate, part.layers, part.degree)
         return replace(self, structure=whole, nodal=nodal, sectors=())
 
@@ -375,7 +375,7 @@ def factorised_whole(structure: Structure, ports: Array | None = None, **others:
     return Factorised(structure, (full_space(structure),), ports, **others)
 
 
-def factorised_stage(
+def factorised_sectors(
     sectors: tuple[Sector, ...],
     plate: Plate,
     layers: Layers | None = None,
@@ -410,7 +410,7 @@ def unit_response(
 
     Raises ComputationFailed.
     """
-    return factorised_stage(sectors, plate, layers, degree).response()
+    return factorised_sectors(sectors, plate, layers, degree).response()
 
 
 def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> Response:

@@ -117,7 +117,7 @@ def _cut_constraint(structure: Structure, nodes: int, harmonic: int) -> AnyArray
     return T
 
 
-def chain_values(values: Sequence[Array]) -> list[Array]:
+def sector_values(values: Sequence[Array]) -> list[Array]:
     """Values (3 cases, ...) of three sectors, each in its own frame, from those of one or three.
 
     Sector s of identical ones responds to a case as the first to the case rotated back by s

@@ -18,7 +18,7 @@ from flexfem.fem.mesh import nodes_on
 from flexfem.fem.response import (
     HEAT_CASES,
     Response,
-    factorised_stage,
+    factorised_sectors,
     free_displacement,
     heat_response,
 )
@@ -348,7 +348,7 @@ def _in_depth(stage: Stage, resolution: int, layers: int) -> Solution:
     difference = of_frame - of_stage
     sectors = sectors_of(stage, resolution)
     even, odd = (
-        factorised_stage(sectors, sheet_of(stage), layers_of(stage, layers, half)).warmed()
+        factorised_sectors(sectors, sheet_of(stage), layers_of(stage, layers, half)).warmed()
         for half in (False, True)
     )
     loads = difference * np.eye(3)

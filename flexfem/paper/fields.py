@@ -13,7 +13,7 @@ from flexfem.fem.elements import Plate, highest_stress, integration, nodal_stres
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.response import Response, clamped_nodes, factorised_whole, resultants_of
 from flexfem.fem.structure import NONE, Structure, structure
-from flexfem.fem.symmetry import chain_values
+from flexfem.fem.symmetry import sector_values
 from flexfem.paper.actuators import HINGE_NAMES
 from flexfem.paper.bodies import BODIES
 from flexfem.paper.contacts import Push, Stack, body_forces
@@ -132,7 +132,7 @@ def base_rotations(stage: Stage, response: Response) -> Array:
                 (plane[:, chosen, 1] @ arm[:, 0] - plane[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2)
             )
         rows.append((rotations[1] - rotations[0])[:, None])
-    return np.concatenate(chain_values(rows), axis=1)
+    return np.concatenate(sector_values(rows), axis=1)
 
 
 def envelope(response: Response) -> float:

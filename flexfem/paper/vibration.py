@@ -14,7 +14,7 @@ from flexfem.analytic.network import with_springs
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.modes import Modes, VibratingStructure, stage_modes, vibrating_structure
+from flexfem.fem.modes import Modes, VibratingStructure, sector_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.layout import ActuatorSet, Payload
@@ -239,7 +239,7 @@ def _half(asked: VibratingStage, resolution: int, layers: int, odd: bool) -> Mod
     """Return the modes in the plane, or the `odd` ones out of it."""
     stage = asked.stage
     carried = bodies.carried_out_of_plane if odd else bodies.carried
-    return stage_modes(
+    return sector_modes(
         sectors_of(stage, resolution),
         sheet_of(stage),
         layers_of(stage, layers, odd),

@@ -13,7 +13,7 @@ from flexfem.arrays import turned
 from flexfem.fem.mesh import StageMesh, joined
 from flexfem.fem.response import Response, platform_response, unit_response
 from flexfem.fem.structure import Structure
-from flexfem.fem.symmetry import chain_values
+from flexfem.fem.symmetry import sector_values
 from flexfem.paper.actuators import HINGE_NAMES
 from flexfem.paper.fields import base_rotations, envelope, neck_stresses
 from flexfem.paper.frames import CHAIN_TURN, chain_rotation
@@ -176,7 +176,7 @@ def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike):
     )
     response = unit_response(mesh_sectors(stage, COARSE), plate_of(stage))
     (sector,) = response.sectors
-    fields = chain_values([response.nodal])
+    fields = sector_values([response.nodal])
     for chain in range(3):
         ahead = fields[chain][:, sector.ahead]
         behind = turned(fields[(chain + 1) % 3][:, sector.behind], CHAIN_TURN)

@@ -10,7 +10,7 @@ import pytest
 from flexfem.fem.elements import Plate, mirrored, nodal_stress
 from flexfem.fem.mesh import joined
 from flexfem.fem.response import (
-    factorised_stage,
+    factorised_sectors,
     factorised_whole,
     free_displacement,
     heat_response,
@@ -98,7 +98,7 @@ def test_one_third_warms_as_the_whole(antisymmetric):
     sector = third(3, 3, TWIST)
     layers = mirrored(B, 1, 0.8)
     half = layers.antisymmetric if antisymmetric else layers
-    one, whole = (factorised_stage((sector,) * n, PLATE, half).warmed() for n in (1, 3))
+    one, whole = (factorised_sectors((sector,) * n, PLATE, half).warmed() for n in (1, 3))
     used = [2] if antisymmetric else [0, 1, 2]
     np.testing.assert_allclose(
         one.motions, whole.motions, atol=SOLVED * np.max(np.abs(whole.motions))
@@ -115,7 +115,7 @@ def test_the_pose_is_the_work_of_the_reactions_to_unit_loads():
     sector = third(3, 2, TWIST)
     layers = mirrored(B, 1, 0.8)
     unit = unit_response((sector,) * 3, PLATE, layers)
-    found = factorised_stage((sector,) * 3, PLATE, layers).warmed()
+    found = factorised_sectors((sector,) * 3, PLATE, layers).warmed()
     mesh = unit.mesh
     forces = structure(mesh, PLATE, layers).forces(unit.fields)
     ground = np.unique(mesh.edges["ground"])

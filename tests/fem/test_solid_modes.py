@@ -11,7 +11,7 @@ import scipy.linalg
 from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import joined
-from flexfem.fem.modes import modes, stage_modes, vibrating_structure
+from flexfem.fem.modes import modes, sector_modes, vibrating_structure
 from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.layout import Payload
 from flexfem.paper.bodies import carried_out_of_plane, drawn_inertia
@@ -33,7 +33,9 @@ TWIST = 0.7  # rad, of the cuts: without it a sector is its own mirror image
 @pytest.mark.parametrize(("half", "load"), [("in plane", CARRIED), ("out of plane", TILTED)])
 def test_one_sector_turned_vibrates_as_the_whole(half, load):
     sector = third(3, 3, TWIST)
-    one, whole = (stage_modes((sector,) * n, PLATE, HALVES[half], DENSITY, load, 8) for n in (1, 3))
+    one, whole = (
+        sector_modes((sector,) * n, PLATE, HALVES[half], DENSITY, load, 8) for n in (1, 3)
+    )
     np.testing.assert_allclose(one.frequencies, whole.frequencies, rtol=SOLVED)
     np.testing.assert_allclose(one.total, whole.total, atol=SUMS * one.total[2, 2])
     effective = [found.participation**2 / np.diag(found.total) for found in (one, whole)]
@@ -106,7 +108,7 @@ def loaded(unlike):
     sectors = mesh_sectors(unlike.stage, 2)
     half = layers_of(stage, 1).antisymmetric
     load = carried_out_of_plane(stage, HEAVY)
-    return stage, stage_modes(sectors, sheet_of(stage), half, 2739e-12, load, 3)
+    return stage, sector_modes(sectors, sheet_of(stage), half, 2739e-12, load, 3)
 
 
 def test_the_mass_is_that_of_the_drawn_stage_and_tilts_with_its_thickness(loaded):

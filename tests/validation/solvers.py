@@ -14,7 +14,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh, welded
-from flexfem.fem.modes import modes, stage_modes, vibrating_structure
+from flexfem.fem.modes import modes, sector_modes, vibrating_structure
 from flexfem.fem.response import platform_response, unit_response
 from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.layout import Payload
@@ -211,7 +211,7 @@ def ngsolve_in_three_dimensions() -> list[Finding]:
     for (which, load), half in zip(loads.items(), (layers, layers.antisymmetric), strict=True):
         theirs = ngsolve.solve(sheet.mesh, sheet.plate, half)
         hertz = theirs.frequencies(sheet.density, sheet.disc(which == "out of"))
-        modes = stage_modes(
+        modes = sector_modes(
             sectors, sheet.plate, half, sheet.density, load, COUNT, FULL
         ).frequencies
         found[f"frequencies {which} the plane"] = frequency_difference(modes * HERTZ, hertz)

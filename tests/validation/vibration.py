@@ -14,7 +14,7 @@ from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.mesh import Sector, StageMesh, by_radius, mapped, nodes_on
-from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
+from flexfem.fem.modes import Modes, modes, sector_modes, vibrating_structure
 from flexfem.fem.structure import mass_of, structure
 from flexfem.paper.frames import CHAIN_TURN
 
@@ -193,7 +193,7 @@ def annulus(sectors: int) -> Modes:
     """
     carried = np.diag([DISC[0], DISC[1], DISC[1]])
     layers = mirrored(SHEET, 1, SHEET).antisymmetric
-    return stage_modes(
+    return sector_modes(
         (third(14, 10),) * sectors, Plate(E, 0.3, SHEET), layers, DENSITY, carried, 3
     )
 
