@@ -202,22 +202,27 @@ Label: TypeAlias = Annotated[
 def once(
     compute: Callable[Concatenate[Owner, Args], Value],
 ) -> Callable[Concatenate[Owner, Args], Value]:
-    """Cache the results of a function of a table, which is frozen, and of other arguments, with the
-    table.
+    """Keep the results of a function of a table with the table, which cannot change.
 
-    All callers share one result: arrays, alone or in a tuple, become read-only; any other result
-    should be immutable."""
+    A result is found again by the function and its other arguments. All callers share it: arrays,
+    alone or in a tuple, become read-only; any other result should be immutable.
+    """
 
     @wraps(compute)
-    def cached(table: Owner, /, *args: Args.args, **kwargs: Args.kwargs) -> Value:
-        cache: dict[Any, Any] = table.__dict__.setdefault(KEPT, {})
-        key = (compute, args, tuple(kwargs.items()))
-        if key not in cache:
-            cache[key] = compute(table, *args, **kwargs)
-            for part in cache[key] if isinstance(cache[key], tuple) else (cache[key],):
-                if isinstance(part, np.ndarray):
-                    part.setflags(write=False)
-        value: Value = cache[key]
+    def kept(table: Owner, /, *args: Args.args, **kwargs: Args.kwargs) -> Value:
+        results: dict[Any, Any] = table.__dict__.setdefault(KEPT, {})
+        call = (compute, args, tuple(kwargs.items()))
+        if call not in results:
+            results[call] = _read_only(compute(table, *args, **kwargs))
+        value: Value = results[call]
         return value
 
-    return cached
+    return kept
+
+
+def _read_only(result: Any) -> Any:
+    """Return a result after its arrays have become read-only."""
+    for part in result if isinstance(result, tuple) else (result,):
+        if isinstance(part, np.ndarray):
+            part.setflags(write=False)
+    return result

@@ -1,6 +1,6 @@
-"""Outlines in the plane: lines and arcs between complex points, mm; closed loops, their areas, and
-shortest paths.
+"""Outlines in the plane: lines and arcs, closed loops, their areas, and shortest paths.
 
+Points are complex, mm.
 The module imports nothing that reads a stage, so that the gmsh process loads quickly.
 """
 
@@ -17,14 +17,14 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
 
-SHORTEST = (
-    1e-9  # mm; shorter segments are left out, such as the wall of a notch as deep as its link
-)
+# mm; shorter segments are left out, such as the wall of a notch as deep as its link
+SHORTEST = 1e-9
 TIGHTEST_TURN = np.deg2rad(170.0)
 LONGEST_ARC = np.deg2rad(120.0)  # turn of one segment of a longer arc
-GAUSS = np.polynomial.legendre.leggauss(
-    16
-)  # on each line or arc of less than half a turn: exact to round-off
+# on each line or arc of less than half a turn: exact to round-off
+GAUSS = np.polynomial.legendre.leggauss(16)
+TURN_ROUND_OFF = 1e-9  # rad, of the directions of two segments that join smoothly
+BACK = 1e-6  # rad, of a corner from half a turn, at which an outline turns back
 
 
 class Segment(NamedTuple):
@@ -173,18 +173,31 @@ def rounded(
             raise ValueError(k, "a corner that differs from the next")
     sides = [bowed(*side) for side in zip(corners, following, bows, strict=True)]
     if area([segment for side in sides for segment in side]) < 0:
-        try:
-            loop, edges = rounded(
-                corners[::-1], radii[::-1], [-bows[(n - 2 - k) % n] for k in range(n)]
-            )
-        except ValueError as error:
-            raise ValueError(n - 1 - error.args[0], error.args[1]) from None
-        return Outline(loop, [edges[(n - 2 - k) % n] for k in range(n)])
+        return _rounded_backwards(corners, radii, bows)
+    return _with_fillets(sides, radii)
+
+
+def _rounded_backwards(
+    corners: Sequence[complex], radii: Sequence[float], bows: Sequence[float]
+) -> Outline:
+    """Return the outline of corners that go round clockwise. Raises ValueError as `rounded`."""
+    n = len(corners)
+    side_of = [(n - 2 - k) % n for k in range(n)]  # number of a side the other way round
+    try:
+        loop, edges = rounded(corners[::-1], radii[::-1], [-bows[side] for side in side_of])
+    except ValueError as error:
+        corner, expected = error.args
+        raise ValueError(n - 1 - corner, expected) from None
+    return Outline(loop, [edges[side] for side in side_of])
+
+
+def _with_fillets(sides: Sequence[list[Segment]], radii: Sequence[float]) -> Outline:
+    """Return the loop of sides with fillets at their starts. Raises ValueError as `rounded`."""
     tangents = _tangents(sides, radii)
     loop = list[Segment]()
     edges = list[tuple[int, ...]]()
     for k, side in enumerate(sides):
-        end = (k + 1) % n
+        end = (k + 1) % len(sides)
         ahead = complex(side[-1].tangent(1.0))
         start = side[0].start + tangents[k] * ahead
         stop = side[-1].end - tangents[end] * ahead
@@ -192,9 +205,9 @@ def rounded(
         edges.append(tuple(range(len(loop), len(loop) + len(kept))))
         loop += kept
         if tangents[end] > SHORTEST:
-            turn = cmath.phase(complex(sides[end][0].tangent(0.0)) / ahead)
-            centre = stop + 1j * ahead * math.copysign(radii[end], turn)
-            beyond = following[k] + tangents[end] * complex(sides[end][0].tangent(0.0))
+            after = complex(sides[end][0].tangent(0.0))
+            centre = stop + 1j * ahead * math.copysign(radii[end], cmath.phase(after / ahead))
+            beyond = sides[end][0].start + tangents[end] * after
             loop.append(Segment(stop if kept else start, beyond, centre))
     return Outline(loop, edges)
 
@@ -209,7 +222,7 @@ def _tangents(sides: Sequence[list[Segment]], radii: Sequence[float]) -> list[fl
         before = sides[k - 1][-1]
         after = sides[k][0]
         turn = cmath.phase(complex(after.tangent(0.0)) / complex(before.tangent(1.0)))
-        if abs(turn) > np.pi - 1e-6:
+        if abs(turn) > np.pi - BACK:
             raise ValueError(k, "a corner at which the outline does not turn back")
         if radius and (before.centre is not None or after.centre is not None):
             raise ValueError(
@@ -227,48 +240,64 @@ def _tangents(sides: Sequence[list[Segment]], radii: Sequence[float]) -> list[fl
     return tangents
 
 
+class _Flank(NamedTuple):
+    """Corners of one side of a bar, complex, mm, and the radii of the fillets there, mm."""
+
+    corners: list[complex]
+    radii: list[float]
+
+
 def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outline:
-    """Bar of a width, mm, along a path with `radii` of its centreline at the bends; its two edges
-    are start and end.
+    """Bar of a width, mm, along a path, with `radii` of its centreline at the bends.
+
+    The two edges of the outline are start and end.
 
     Raises ValueError with the index of a bend and the expectation that it misses.
     """
     n = len(bends)
-    half = width / 2
     sides = [b - a for a, b in pairwise(bends)]
     for k, side in enumerate(sides):
         if abs(side) <= SHORTEST:
             raise ValueError(k, "a point apart from the next")
     ahead = [side / abs(side) for side in sides]
-    right = list[complex]()
-    left = list[complex]()
-    of_right = list[float]()
-    of_left = list[float]()
+    right, left = _flanks(bends, radii, width, ahead)
+    for k, direction in enumerate(ahead):
+        for corners in (right.corners, left.corners):
+            if ((corners[k + 1] - corners[k]) / direction).real <= SHORTEST:
+                raise ValueError(k, "a longer distance to the next bend, or a smaller width")
+    try:
+        loop, edges = rounded(right.corners + left.corners[::-1], right.radii + left.radii[::-1])
+    except ValueError as error:
+        k = error.args[0]
+        bend = k if k < n else 2 * n - 1 - k
+        raise ValueError(bend, "a smaller radius, which fits between its neighbours") from None
+    return Outline(loop, [edges[2 * n - 1], edges[n - 1]])
+
+
+def _flanks(
+    bends: Sequence[complex], radii: Sequence[float], width: float, ahead: Sequence[complex]
+) -> tuple[_Flank, _Flank]:
+    """Return the right and the left side of a bar. Raises ValueError for a bend that is too sharp.
+
+    ahead : unit vectors from each bend to the next.
+    """
+    half = width / 2
+    right = _Flank([], [])
+    left = _Flank([], [])
     for k, (point, radius) in enumerate(zip(bends, radii, strict=True)):
         before = ahead[max(k - 1, 0)]
-        after = ahead[min(k, n - 2)]
+        after = ahead[min(k, len(ahead) - 1)]
         turn = cmath.phase(after / before)
         if abs(turn) > TIGHTEST_TURN:
             raise ValueError(k, "a bend of at most 170 degrees")
         aside = 1j * half * (before + after) / (1 + math.cos(turn))
-        right.append(point - aside)
-        left.append(point + aside)
-        inside = max(radius - half, 0.0)
-        outside = radius + half if radius and abs(turn) > 1e-9 else 0.0
-        of_right.append(outside if turn > 0 else inside)
-        of_left.append(inside if turn > 0 else outside)
-    for k, direction in enumerate(ahead):
-        for flank in (right, left):
-            if ((flank[k + 1] - flank[k]) / direction).real <= SHORTEST:
-                raise ValueError(k, "a longer distance to the next bend, or a smaller width")
-    try:
-        loop, edges = rounded(right + left[::-1], of_right + of_left[::-1])
-    except ValueError as error:
-        k = error.args[0]
-        raise ValueError(
-            k if k < n else 2 * n - 1 - k, "a smaller radius, which fits between its neighbours"
-        ) from None
-    return Outline(loop, [edges[2 * n - 1], edges[n - 1]])
+        right.corners.append(point - aside)
+        left.corners.append(point + aside)
+        inner, outer = (left, right) if turn > 0 else (right, left)
+        is_bent = radius and abs(turn) > TURN_ROUND_OFF
+        inner.radii.append(max(radius - half, 0.0))
+        outer.radii.append(radius + half if is_bent else 0.0)
+    return right, left
 
 
 def disc(centre: complex, radius: float) -> Outline:
@@ -359,39 +388,55 @@ class Pose(NamedTuple):
 
 
 def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None:
-    """Shortest arc-line-arc path between two poses with arcs of one radius; None if all such paths
-    make a loop.
+    """Shortest arc-line-arc path between two poses with arcs of one radius.
 
-    L. E. Dubins, Am. J. Math. 79 (1957) 497: the four candidates with a straight middle piece,
-    whose arcs turn to the left (1) or to the right (-1)."""
-    paths = list[tuple[float, list[Segment]]]()
-    for first, last in product((1, -1), repeat=2):
-        c0 = start.point + 1j * first * radius * cmath.exp(1j * start.heading)
-        c1 = end.point + 1j * last * radius * cmath.exp(1j * end.heading)
-        aside = radius * (first - last)
-        straight_squared = abs(c1 - c0) ** 2 - aside**2
-        if straight_squared < SHORTEST**2:
-            continue
-        straight = math.sqrt(straight_squared)
-        heading = cmath.phase((c1 - c0) / complex(straight, -aside))
-        turns = [_wrap(first * (heading - start.heading)), _wrap(last * (end.heading - heading))]
-        if max(turns) <= TIGHTEST_TURN:
-            leave, arrive = (
-                c - 1j * side * radius * cmath.exp(1j * heading)
-                for c, side in ((c0, first), (c1, last))
-            )
-            pieces = [
-                Segment(start.point, leave, c0),
-                Segment(leave, arrive),
-                Segment(arrive, end.point, c1),
-            ]
-            paths.append(
-                (radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST])
-            )
-    return min(paths, key=lambda path: path[0])[1] if paths else None
+    None is returned if all such paths make a loop. L. E. Dubins, Am. J. Math. 79 (1957) 497: the
+    four candidates with a straight middle piece, whose arcs turn to the left (1) or to the right
+    (-1).
+    """
+    candidates = [
+        _arc_line_arc(start, end, first * radius, last * radius)
+        for first, last in product((1, -1), repeat=2)
+    ]
+    paths = [path for path in candidates if path is not None]
+    if not paths:
+        return None
+    return min(paths, key=lambda path: path.length).segments
+
+
+class _Path(NamedTuple):
+    """A path with its length, mm."""
+
+    length: float
+    segments: list[Segment]
+
+
+def _arc_line_arc(start: Pose, end: Pose, first: float, last: float) -> _Path | None:
+    """Return the path with arcs of two radii, mm, positive to the left; None if it makes a loop."""
+    c0 = start.point + 1j * first * cmath.exp(1j * start.heading)
+    c1 = end.point + 1j * last * cmath.exp(1j * end.heading)
+    aside = first - last
+    straight_squared = abs(c1 - c0) ** 2 - aside**2
+    if straight_squared < SHORTEST**2:
+        return None
+    straight = math.sqrt(straight_squared)
+    heading = cmath.phase((c1 - c0) / complex(straight, -aside))
+    leaving = _wrap(math.copysign(1, first) * (heading - start.heading))
+    arriving = _wrap(math.copysign(1, last) * (end.heading - heading))
+    if max(leaving, arriving) > TIGHTEST_TURN:
+        return None
+    leave = c0 - 1j * first * cmath.exp(1j * heading)
+    arrive = c1 - 1j * last * cmath.exp(1j * heading)
+    pieces = [
+        Segment(start.point, leave, c0),
+        Segment(leave, arrive),
+        Segment(arrive, end.point, c1),
+    ]
+    length = abs(first) * (leaving + arriving) + straight
+    return _Path(length, [piece for piece in pieces if piece.length > SHORTEST])
 
 
 def _wrap(angle: float) -> float:
     """Return the angle in [0, 2 pi); a full turn within round-off becomes zero."""
     wrapped = angle % (2 * np.pi)
-    return 0.0 if 2 * np.pi - wrapped < 1e-9 else float(wrapped)
+    return 0.0 if 2 * np.pi - wrapped < TURN_ROUND_OFF else float(wrapped)

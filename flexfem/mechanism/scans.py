@@ -59,48 +59,51 @@ def scanned_rows(path: PathLike) -> list[list[float]]:
 
     Raises BadInput for other columns or numbers, too few points, or edges that meet.
     """
+    points = _points_of_edges(path)
+    left, right = (_curve(np.array(sorted(points[edge]))) for edge in EDGES)
+    low = max(left.x[0], right.x[0])
+    high = min(left.x[-1], right.x[-1])
+    if not low < high:
+        raise BadInput(
+            f"{place_of(path)}: the edges lie beside each other, expected the same range of x_mm"
+        )
+    fine = np.linspace(low, high, 20 * ROWS)
+    neck = float(fine[np.argmin(left(fine) - right(fine))])
+    x = _rows_around(neck, float(low), float(high))
+    edges = (left(x), -right(x))
+    thin = np.flatnonzero(edges[0] + edges[1] <= 0)
+    if len(thin):
+        raise BadInput(
+            f"{place_of(path)}: the edges meet at x_mm = {x[thin[0]]:.4g}, expected left above "
+            "right"
+        )
+    return [[round(float(each), 7) for each in row] for row in np.column_stack([x, *edges])]
+
+
+def _points_of_edges(path: PathLike) -> dict[str, list[tuple[float, float]]]:
+    """Return the points x, y of both edges. Raises BadInput for other columns, or too few points."""
     points: dict[str, list[tuple[float, float]]] = {edge: [] for edge in EDGES}
     for line, row in read_csv(path, ("edge", "x_mm", "y_mm")).items():
         try:
             points[row["edge"]].append((float(row["x_mm"]), float(row["y_mm"])))
         except (KeyError, ValueError):
             given = ", ".join(row.values())
-            raise BadInput(
-                f"{place_of(path, line)}: {given}, expected left or right, and two numbers"
-            ) from None
+            expected = "expected left or right, and two numbers"
+            raise BadInput(f"{place_of(path, line)}: {given}, {expected}") from None
     for edge in EDGES:
-        if len({x for x, _ in points[edge]}) < FEWEST or not np.all(np.isfinite(points[edge])):
-            raise BadInput(
-                f"{place_of(path)}: the {edge} edge, expected at least {FEWEST} points with "
-                "finite numbers"
-            )
-    curves = [_curve(np.array(sorted(points[edge]))) for edge in EDGES]
-    low, high = (side(curve.x[end] for curve in curves) for side, end in ((max, 0), (min, -1)))
-    if not low < high:
-        raise BadInput(
-            f"{place_of(path)}: the edges lie beside each other, expected the same range of x_mm"
-        )
-    fine = np.linspace(low, high, 20 * ROWS)
-    neck = float(fine[np.argmin(curves[0](fine) - curves[1](fine))])
-    x = _rows_around(neck, float(low), float(high))
-    left = curves[0](x)
-    right = -curves[1](x)
-    thin = np.flatnonzero(left + right <= 0)
-    if len(thin):
-        raise BadInput(
-            f"{place_of(path)}: the edges meet at x_mm = {x[thin[0]]:.4g}, expected left above "
-            "right"
-        )
-    return [[round(float(each), 7) for each in row] for row in np.column_stack([x, left, right])]
+        positions = {x for x, _ in points[edge]}
+        if len(positions) < FEWEST or not np.all(np.isfinite(points[edge])):
+            expected = f"expected at least {FEWEST} points with finite numbers"
+            raise BadInput(f"{place_of(path)}: the {edge} edge, {expected}")
+    return points
 
 
 def _curve(points: Array) -> Any:
     """Return a smoothing spline through means of points (n, 2) that lie close together; `x` are
     their positions.
     """
-    from scipy.interpolate import (
-        make_smoothing_spline,
-    )  # takes a fifth of a second to import, for scans alone
+    # takes a fifth of a second to import, for scans alone
+    from scipy.interpolate import make_smoothing_spline
 
     first = points[0, 0]
     last = points[-1, 0]
