@@ -58,7 +58,6 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.paper.stage_file import Override as Override
     from flexfem.paper.stage_file import Platform as Platform
     from flexfem.paper.verification import Verification as Verification
-    from flexfem.paper.verification import verification as verification
     from flexfem.questions.as_built import as_built as as_built
     from flexfem.questions.buckling import buckling as buckling
     from flexfem.questions.budget import budget as budget
@@ -79,6 +78,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
     from flexfem.questions.summary import summary as summary
+    from flexfem.questions.verification import verification as verification
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.results import Result as Result
@@ -111,7 +111,7 @@ MODULES = {  # module of each name of `__all__`
     "errors": "paper.models",
     "solve": "paper.models",
     "Stage": "paper.stage",
-    "verification": "paper.verification",
+    "verification": "questions.verification",
     "as_built": "questions.as_built",
     "buckling": "questions.buckling",
     "budget": "questions.budget",

@@ -36,7 +36,7 @@ from flexfem.mechanism.loading import load
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import components, plate_polygon
 from flexfem.questions.bands import levels
-from flexfem.questions.plates import verification
+from flexfem.questions.errors import errors_of
 from flexfem.questions.stiffness import stiffness
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import EXACT, LARGEST_FILE, Number, Progress, Result, versions
@@ -78,7 +78,7 @@ QUESTIONS: dict[
     "gravity": flexfem.gravity,
     "budget": partial(flexfem.budget, plane=True),
     "convergence": partial(flexfem.converge, resolutions=[*levels(RESOLUTION)]),
-    "errors": verification,
+    "errors": errors_of,
 }
 # module with `case_result` and `case_stages` of a kind of file that compares mechanisms
 CASES = {"case": "flexfem.paper.baseline"}

@@ -31,10 +31,10 @@ from flexfem.plot import figures_of
 from flexfem.plot.fields import plane_fields, stress_figure
 from flexfem.plot.plate import drawing_figure
 from flexfem.plot.text import SYMBOLS, percent, significant
-from flexfem.questions import plates
 from flexfem.questions.budget import budget
 from flexfem.questions.check import check
 from flexfem.questions.drive import drive
+from flexfem.questions.errors import errors_of
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
 from flexfem.questions.modes import modes
@@ -109,7 +109,7 @@ class MechanismPage:
     of_section: ClassVar[dict[str, tuple[Question, ...]]] = {
         "analytic": (ANALYTIC_MODEL,),
         "elements": (stiffness,),
-        "budget": (plates.verification, budget),
+        "budget": (errors_of, budget),
         "drive": (drive, reach),
         "large": (large,),
         "modes": (modes,),

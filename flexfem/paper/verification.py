@@ -5,9 +5,8 @@ Figures 5 to 7.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,19 +18,14 @@ from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.files.provenance import assumptions
-from flexfem.files.refusals import checked_path, shown
-from flexfem.files.toml import bad_key, kind_of, read_toml
+from flexfem.files.refusals import shown
+from flexfem.files.toml import bad_key
 from flexfem.files.writing import (
-    check_folder,
-    check_name,
     digest,
     digest_of_arrays,
     read_arrays,
     write_atomically,
 )
-from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile, load_mechanism
 from flexfem.paper import warnings
 from flexfem.paper.answers import solid_levels
 from flexfem.paper.case import Case, Curve, LoadedCase
@@ -42,11 +36,11 @@ from flexfem.paper.fields import neck_maxima, plane_stress
 from flexfem.paper.imposed import commanded_hinges, elements, imposed, imposed_bands
 from flexfem.paper.model import AnalyticResult, analyse, assemble
 from flexfem.paper.solutions import solve_solid, solved
-from flexfem.paper.stage import HINGE_NAMES, Stage, load_feasible
+from flexfem.paper.stage import HINGE_NAMES, Stage
 from flexfem.paper.stage_mesh import plate_of, sheet_of
-from flexfem.questions import bands, plates
+from flexfem.questions import bands
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
-from flexfem.questions.setup import ModelAnswer, elements_through, question, stack_models
+from flexfem.questions.setup import ModelAnswer, stack_models
 from flexfem.questions.warnings import of_yield
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
@@ -60,7 +54,6 @@ from flexfem.results import (
     About,
     Fields,
     Gate,
-    Progress,
     Quantity,
     Result,
 )
@@ -300,86 +293,24 @@ class CurveElements(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
-@question
-def verification(
-    *cases: Path,
-    output: Path | None = Path("reports"),
-    solid: bool = False,
-    thickness_resolution: int | None = None,
-    reading: Reading = NO_READING,
-    progress: Progress | None = None,
-) -> list[Result]:
-    """Compute the positioning error of the analytic model of cases or mechanisms by finite
-    elements.
+class VerifiableCase(NamedTuple):
+    """A case file, as `flexfem verify` compares it."""
 
-    Parameters
-    ----------
-    *cases : Path
-        Case files, see flexfem schema case, or mechanism files or drawings: their errors for
-        commands in x, y and theta.
-    output : Path, optional
-        Folder for the results; `flexfem plot` draws those of cases. In Python, None stores none.
-    solid : bool
-        Compare mechanisms with finite elements of the whole plate in three dimensions; a case
-        states this itself.
-    reading : Reading
-        Of drawings: thickness, material, ground, output and so on.
-    thickness_resolution : int, optional
-        With `solid`, layers of elements in half of the thickness, from 3.
-    progress : callable, optional
-        Called with a line of text after each completed part.
+    loaded: LoadedCase
 
-    Returns
-    -------
-    list[Result]
-        Every number has the unit that its quantity declares: `unit` returns it, and `flexfem schema
-        KIND` lists it.
+    def errors(self, layers: int | None) -> Verification:
+        """Return the errors of all curves; a case states its layers itself."""
+        return run_case(self.loaded)
 
-    Raises
-    ------
-    BadInput
-        The mechanism cannot be made, or an option or a file is not valid.
-    ComputationFailed
-        The mechanism is singular, or a mesh or a solution does not pass its checks.
-    """
-    layers = elements_through(solid, thickness_resolution)
-    folder = None if output is None else checked_path(output)
-    if folder is not None:
-        check_folder(folder)
-    load = cache(load_feasible)
-    seen = dict[str, Path]()
-    loaded = list[LoadedCase | Mechanism]()
-    for path in map(checked_path, cases):  # read all cases before the first computation
-        loaded.append(_loaded(path, reading, load))
-        if solid and not isinstance(loaded[-1], MechanismFile):
-            raise BadInput(
-                f'{path}: solid is for mechanisms, expected model = "three_dimensional" in a case'
-            )
-        if (other := seen.setdefault(path.stem, path)) != path:
-            raise BadInput(
-                f"{path}: its results would overwrite those of {other}, expected another name"
-            )
-        if folder is not None:
-            check_name(folder / f"{path.stem}.json")
-            check_name(folder / f"{path.stem}.npz")
-    results = list[Result]()
-    for path, case in zip(seen.values(), loaded, strict=True):
-        results.append(
-            plates.verification(case, layers) if isinstance(case, MechanismFile) else run_case(case)
+
+def load_comparison(path: Path, solid: bool) -> VerifiableCase:
+    """Read a case. Raises BadInput, also for the option `solid`, which is not for cases."""
+    loaded = LoadedCase(path)
+    if solid:
+        raise BadInput(
+            f'{path}: solid is for mechanisms, expected model = "three_dimensional" in a case'
         )
-        if folder is not None:
-            results[-1].write(folder / f"{path.stem}.json")
-        if progress is not None:
-            progress(path.stem)
-    return results
-
-
-def _loaded(path: Path, reading: Reading, load: Callable[[Path], Stage]) -> LoadedCase | Mechanism:
-    """Read a case, a mechanism or a drawing. Raises BadInput."""
-    if is_drawing(path):
-        return imported(path, reading).mechanism
-    is_mechanism = kind_of(read_toml(path).data) == MechanismFile.kind
-    return load_mechanism(path) if is_mechanism else LoadedCase(path, load)
+    return VerifiableCase(loaded)
 
 
 class CurveRun(NamedTuple):

@@ -13,7 +13,7 @@ from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
 from flexfem.plot.text import minus, scientific
 from flexfem.questions.convergence import MeshConvergence
-from flexfem.questions.plates import MechanismErrors
+from flexfem.questions.errors import MechanismErrors
 from flexfem.results import number
 from flexfem.units import DIRECTIONS, LENGTH, Direction
 

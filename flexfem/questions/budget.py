@@ -19,7 +19,7 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.questions import plates
+from flexfem.questions import errors, plates
 from flexfem.questions.bands import (
     amplification_errors,
     corner_bands,
@@ -27,7 +27,8 @@ from flexfem.questions.bands import (
     held,
     levels,
 )
-from flexfem.questions.plates import Compared, ElasticParts
+from flexfem.questions.errors import Compared
+from flexfem.questions.plates import ElasticParts
 from flexfem.questions.setup import Mesh, answer, options, require_hinges
 from flexfem.results import ELEMENTS, Progress, Quantity, Result
 
@@ -52,7 +53,7 @@ class Budget(Result):
     reading: ClassVar[tuple[str, ...]] = (
         "shares are % of the commanded motion, by the single force or moment by which the "
         "network with rigid bodies moves the output as commanded, with the other directions free",
-        plates.ALONG_READ,
+        errors.ALONG_READ,
         "rigid bodies: change by elastic bodies, from plane finite elements of each body",
         "hinge formulas: change from beam integrals to plane finite elements of each hinge",
         "thickness: change from its effect by plates as high as each hinge to that by "
@@ -64,14 +65,14 @@ class Budget(Result):
         "share of the error in the commanded direction",
         "percents",
         ("share", "direction"),
-        plates.POINTS,
+        errors.POINTS,
     )
     driven = Quantity(
         "share of the error of the amplification",
         "percent",
         ("share", "actuator"),
-        plates.POINTS,
-        note=plates.AMPLIFICATION_READ,
+        errors.POINTS,
+        note=errors.AMPLIFICATION_READ,
     )
 
 
@@ -121,7 +122,7 @@ def budget(
     mesh = plates.mesh_of(mechanism, "both", resolution, None)
     assert mesh is not None
     layout = mechanism.layout
-    finest = plates.compared(mechanism, mesh, progress)
+    finest = errors.compared(mechanism, mesh, progress)
     refined = _Refined(
         _refinements(mechanism, mesh, finest),
         finest,
@@ -137,7 +138,7 @@ def budget(
         of_driven = finest.driven_band(refined.networks[0], layout)
         bands["driven"] = refined.bands(driven, of_driven)
     labels = {"share": PLANE_SHARES if finest.label == ELEMENTS else SHARES}
-    notes = plates.held_notes(finest.compliance[:3, :3], layout.lever)
+    notes = errors.held_notes(finest.compliance[:3, :3], layout.lever)
     return answer(Budget, mechanism, {}, mesh, {}, values, labels, bands, notes=notes)
 
 
@@ -156,17 +157,17 @@ class _Refined(NamedTuple):
     planes: Array
     resolutions: Array
 
-    def shares(self, errors: Errors) -> Array:
+    def shares(self, error_of: Errors) -> Array:
         """Return the change of the errors by each refinement, then their sum."""
-        sequence = [errors(one) for one in (*self.networks, self.finest.compliance)]
+        sequence = [error_of(one) for one in (*self.networks, self.finest.compliance)]
         return np.array([*np.diff(sequence, axis=0), sequence[-1] - sequence[0]])
 
-    def bands(self, errors: Errors, of_total: Array) -> Array:
+    def bands(self, error_of: Errors, of_total: Array) -> Array:
         """Return the bands of the shares, of which only those of the last and of the sum are known.
 
         of_total : in three dimensions; in the plane the meshes give both.
         """
-        of_planes = corner_bands(self.resolutions, errors(self.planes))
+        of_planes = corner_bands(self.resolutions, error_of(self.planes))
         unknown = np.full((len(self.networks) - 1, len(of_planes)), np.nan)
         total = of_planes if self.finest.label == ELEMENTS else of_total
         return np.array([*unknown, of_planes, total])
@@ -195,9 +196,9 @@ def _along(refined: _Refined, lever: float, compliance: Array) -> Array:
 
     compliance : (..., k, k), of the model with which it is compared.
     """
-    errors = free_errors(refined.networks[0][:3, :3], compliance[..., :3, :3], lever)
+    percent = free_errors(refined.networks[0][:3, :3], compliance[..., :3, :3], lever)
     unused = held(refined.finest.compliance[:3, :3], lever)
-    return np.where(unused, np.nan, np.diagonal(errors, axis1=-2, axis2=-1))
+    return np.where(unused, np.nan, np.diagonal(percent, axis1=-2, axis2=-1))
 
 
 def _driven(layout: Layout, finest: Compared, compliance: Array) -> Array:

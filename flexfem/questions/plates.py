@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import compress
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -43,14 +42,9 @@ from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import (
-    HELD,
     SAFETY,
-    amplification_bands,
-    amplification_errors,
     coarser,
     corner_bands,
-    free_errors,
-    held,
     levels,
 )
 from flexfem.questions.setup import (
@@ -58,9 +52,7 @@ from flexfem.questions.setup import (
     Mesh,
     ModelAnswer,
     Models,
-    answer,
     on_meshes,
-    require_hinges,
 )
 from flexfem.questions.setup import mesh_of as plain_mesh_of
 from flexfem.results import (
@@ -71,10 +63,7 @@ from flexfem.results import (
     SOLID,
     STRESS,
     Progress,
-    Quantity,
-    Result,
 )
-from flexfem.units import DIRECTIONS
 
 PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
@@ -127,15 +116,6 @@ THIN = 5.0
 MOST_OF_THIN = 10.0  # times `LIFTED_MESH`
 ON_MESHES = COARSER._replace(band=MAGNITUDE)
 PEAK = STRESS._replace(band=MAGNITUDE)
-POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
-ALONG_READ = (
-    "along the command this is the error of the stiffness of the model with the other directions "
-    "free: the same number in `stiffness`, `summary`, `verify`, `budget` and the report"
-)
-AMPLIFICATION_READ = (
-    "motion of the free output per opening of one actuator, of the model relative to finite "
-    "elements, along the motion of these"
-)
 
 
 class Responses(NamedTuple):
@@ -705,44 +685,6 @@ def shares_of_yield(mechanism: Mechanism, stress: str) -> Array | float:
     return layout.hinge_shares
 
 
-class MechanismErrors(Result):
-    """Errors of the analytic networks of a mechanism: of motions by single forces, and of those by
-    actuators.
-    """
-
-    title = "errors of the analytic models"
-    main = ("percent", {})
-    figure = "errors.mechanism_figure"
-    labels: ClassVar = {"commanded": DIRECTIONS}
-    reading = (
-        "positioning error: motion of finite elements minus that of the model, by the force or "
-        "moment that moves the model as commanded, with the other directions free; rotations are "
-        "multiplied by the lever",
-        ALONG_READ,
-    )
-    percent = Quantity(
-        "positioning error, % of the commanded motion",
-        "percents",
-        ("model", "commanded", "direction"),
-        POINTS,
-    )
-    driven = Quantity(
-        "error of the amplification",
-        "percent",
-        ("model", "actuator"),
-        POINTS,
-        note=AMPLIFICATION_READ,
-    )
-    free = Quantity(
-        "stiffness, other directions free",
-        "stiffness",
-        ("model", "direction"),
-        ON_MESHES,
-        shown=False,
-    )
-    lever = Quantity("lever of the output: distance to its farthest hinge", "mm")
-
-
 def amplification(layout: Layout, compliance: Array) -> Array:
     """Return the motion (..., a, 3) of the free output per opening of one actuator, from
     compliances (..., k, k).
@@ -750,91 +692,3 @@ def amplification(layout: Layout, compliance: Array) -> Array:
     drives = layout.drive_ports
     opening = np.diagonal(compliance, axis1=-2, axis2=-1)[..., None, drives]
     return np.asarray(np.swapaxes(compliance[..., :3, drives] / opening, -1, -2))
-
-
-def held_notes(compliance: Array, lever: float) -> list[str]:
-    """Return a note on the directions in which the output of a compliance (3, 3) is held; none
-    without such ones.
-    """
-    names = ", ".join(compress(DIRECTIONS, held(compliance, lever)))
-    return [
-        f"no error in {names}: there the mechanism is more than {HELD:g} times as stiff as in its "
-        "softest direction (rotations times the lever), and a share of a commanded motion says "
-        "nothing about its use"
-    ] * bool(names)
-
-
-class Compared(NamedTuple):
-    """Finite elements with which analytic models are compared: of the plane, or of three
-    dimensions, by `label`.
-
-    compliance : (k, k), of the ports.   motions : (a, 3), of the output per opening.   bands : of
-    both."""
-
-    label: str
-    compliance: Array
-    motions: Array
-    bands: Mapping[str, Array]
-
-    def percent_band(self, model: Array, lever: float) -> Array:
-        """Return the bands (3, 3) of `free_errors` of a model with a compliance (3, 3)."""
-        return free_errors(model, model + self.bands["compliance"][:3, :3], lever)
-
-    def driven_band(self, model: Array, layout: Layout) -> Array:
-        """Return the bands (a,) of `amplification_errors` of a model with a compliance (k, k)."""
-        motions = amplification(layout, model)
-        return amplification_bands(motions, self.motions, self.bands["amplification"], layout.lever)
-
-
-def compared(mechanism: Mechanism, mesh: Mesh, progress: Progress | None = None) -> Compared:
-    """Solve the finite elements of a mechanism with which its analytic models are compared, as in
-    every question.
-    """
-
-    def values(response: Responses) -> Values:
-        return {
-            "compliance": response.compliance,
-            "amplification": amplification(mechanism.layout, response.compliance),
-        }
-
-    label, (found, bands) = list(of_models(mechanism, mesh, "elements", values, progress).items())[
-        -1
-    ]
-    return Compared(label, found["compliance"], found["amplification"], bands)
-
-
-def verification(mechanism: Mechanism, layers: int | None = None) -> MechanismErrors:
-    """Return the errors of both analytic networks of a mechanism, in its dimensions.
-
-    layers : of elements in half of the thickness, for the whole plate in three dimensions.
-
-    Raises BadInput for a mechanism without hinges.
-    """
-    require_hinges(
-        mechanism,
-        "which the analytic models need that are compared with finite elements",
-        BY_ELEMENTS,
-    )
-    mesh = mesh_of(mechanism, "both", None, layers)
-    assert mesh is not None
-    layout = mechanism.layout
-    models = dict[str, ModelAnswer]()
-    finest = compared(mechanism, mesh)
-    lever = layout.lever
-    elements_at = finest.compliance[:3, :3]
-    unused = held(elements_at, lever)
-    for label in (ANALYTIC, ELASTIC):
-        model = network(mechanism, label == ELASTIC).compliance
-        errors = free_errors(model[:3, :3], elements_at, lever).T
-        errors[unused] = np.nan
-        values = {"percent": errors, "free": 1 / np.diag(model)[:3]}
-        bands = {"percent": finest.percent_band(model[:3, :3], lever).T}
-        if layout.actuators:
-            values["driven"] = amplification_errors(
-                amplification(layout, model), finest.motions, lever
-            )
-            bands["driven"] = finest.driven_band(model, layout)
-        models[label] = ModelAnswer(values, bands)
-    settings = {"compared with": finest.label}
-    notes = held_notes(elements_at, lever)
-    return answer(MechanismErrors, mechanism, models, mesh, settings, {"lever": lever}, notes=notes)

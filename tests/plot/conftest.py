@@ -14,7 +14,7 @@ from flexfem.arrays import Array
 from flexfem.paper.budget import StageBudget
 from flexfem.paper.verification import CurveModels, HingeDrawing, Verification
 from flexfem.questions.convergence import MeshConvergence
-from flexfem.questions.plates import MechanismErrors
+from flexfem.questions.errors import MechanismErrors
 from flexfem.results import About, Fields
 
 HINGES = ("base", "elbow", "platform")

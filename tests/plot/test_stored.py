@@ -14,7 +14,7 @@ import pytest
 from flexfem.design.result import read_design
 from flexfem.paper.verification import Verification
 from flexfem.plot.errors import mechanism_figure
-from flexfem.questions.plates import MechanismErrors
+from flexfem.questions.errors import MechanismErrors
 from flexfem.refused import BadInput
 from flexfem.results import write_sealed
 

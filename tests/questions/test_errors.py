@@ -11,8 +11,9 @@ from flexfem.paper.case import LoadedCase
 from flexfem.paper.fields import neck_stresses
 from flexfem.paper.solutions import solve_solid, solved
 from flexfem.paper.stage import load_stage
-from flexfem.paper.verification import Verification, run_case, verification
+from flexfem.paper.verification import Verification, run_case
 from flexfem.questions.bands import error_matrix
+from flexfem.questions.verification import verification
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT

@@ -22,7 +22,8 @@ from flexfem.paper.stage_mesh import layers_of
 from flexfem.plot.plate import plot_plate
 from flexfem.questions import plates
 from flexfem.questions.check import check
-from flexfem.questions.plates import value_bands, verification
+from flexfem.questions.errors import errors_of
+from flexfem.questions.plates import value_bands
 from flexfem.study.loaded import load_study
 
 from ..conftest import ROOT
@@ -349,7 +350,7 @@ def test_errors_refer_to_the_farthest_hinge_of_the_output(mechanism, slow):
         :3, :3
     ] / softness  # of motions by the force along one direction alone
     expected = (100 * error * scale[:, None] / scale).T  # by command, then direction
-    found = verification(mechanism).internal.values
+    found = errors_of(mechanism).internal.values
     np.testing.assert_allclose(found["percent"][0], expected, rtol=10 * SOLVED, atol=10 * SOLVED)
     np.testing.assert_allclose(found["free"][0], 1 / softness, rtol=10 * QUADRATURE)
     gains = [scale[:, None] * each[:3, 9:] / np.diag(each)[9:] for each in (C, of_elements)]
