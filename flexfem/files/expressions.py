@@ -107,15 +107,17 @@ def text_of(value: float) -> str:
 
 
 def names_in(text: str) -> tuple[str, ...]:
-    """Return the names in an expression, each once. Raises ValueError, which says what was
-    expected, for other text.
+    """Return the names in an expression, each once.
+
+    Raises ValueError, which says what was expected, for other text.
     """
     return _parsed(text)[1]
 
 
 def value_of(text: str, values: Mapping[str, ArrayLike]) -> Array:
-    """Return the value of an expression, in the shape of the named values; not finite where it is
-    not defined.
+    """Return the value of an expression, in the shape of the named values.
+
+    It is not finite where the expression is not defined.
     """
     tree, names = _parsed(text)
     with np.errstate(all="ignore"):
@@ -152,8 +154,9 @@ def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
 
 
 def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
-    """Return the value of a tree. Numbers are of numpy, whose powers neither raise nor take for
-    ever.
+    """Return the value of a tree.
+
+    Numbers are of numpy, whose powers neither raise nor take for ever.
     """
     match node:
         case ast.Constant(value=float() | int() as number):

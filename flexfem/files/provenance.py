@@ -72,8 +72,9 @@ class Sourced(Table):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Key paths of the physical numbers, which need a source; settings of a computation and
-        integers need none.
+        """Key paths of the physical numbers, which need a source.
+
+        Settings of a computation and integers need none.
         """
         return tuple(path for path, value in self.entries.items() if _is_number(value))
 
@@ -103,8 +104,9 @@ class Sourced(Table):
 
 
 def assumptions(files: Iterable[tuple[str, Sourced]]) -> Assumptions:
-    """Return the sorted assumptions of several files, each with the prefix of its key paths; "" for
-    stages.
+    """Return the sorted assumptions of several files, each with the prefix of its key paths.
+
+    The prefix of a stage is empty.
     """
     found = list(files)
     assumed = {f"{prefix}{key}" for prefix, file in found for key in file.assumed}
@@ -117,8 +119,9 @@ def assumptions(files: Iterable[tuple[str, Sourced]]) -> Assumptions:
 def assumptions_said(
     assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers "
 ) -> list[str]:
-    """Sentences with the count of assumed numbers and of numbers without a stated source; no
-    sentence for zero.
+    """Sentences with the count of assumed numbers and of numbers without a stated source.
+
+    There is no sentence for zero.
     """
     verbs = (
         (assumed, ("is assumed", "are assumed")),

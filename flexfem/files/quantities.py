@@ -45,7 +45,8 @@ class Limits:
     key.
     gt, ge, le, lt : ends of the valid values.   least : smallest valid size but zero.
     said : end of the message of a size below `least`.   reason : of the limits `ge` and `le`, in
-    the message."""
+    the message.
+    """
 
     unit: str = ""
     gt: float = -math.inf
@@ -119,8 +120,9 @@ class Limits:
     def _validated(
         self, value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo
     ) -> float:
-        """Return a number in inside units; where there are parameters, also the value of an
-        expression.
+        """Return a number in inside units.
+
+        Where there are parameters, it may be the value of an expression.
         """
         known = KNOWN.get()
         text = value.text if isinstance(value, Evaluated) else value

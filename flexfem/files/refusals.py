@@ -4,7 +4,8 @@ A key path names a key of a file, the same in errors, in `[provenance]`, in stud
 baselines. Tables are named by their keys and members of an array by their index from 0:
 `hinges.base.neck_mm`, `chain.link_lengths_mm[0]`, `factor[1].sd`. A member of an array that
 identifies its subject is named by the subject: `override.2.elbow.neck_mm` is the neck of the elbow
-hinge of chain 2, wherever the override stands in the file."""
+hinge of chain 2, wherever the override stands in the file.
+"""
 
 from __future__ import annotations
 
@@ -42,11 +43,13 @@ _PART = re.compile(
 
 
 def key_path(path: KeyPath, data: Any = None) -> str:
-    """Return the text of a path of keys and indices; `data`, tables or their model, identifies
-    members of arrays.
+    """Return the text of a path of keys and indices.
+
+    `data`, tables or their model, identifies members of arrays.
 
     A key that identifies a member is itself named by index, because its value may be wrong:
-    `override[0].chain`."""
+    `override[0].chain`.
+    """
     text = ""
     inside = data
     for index, part in enumerate(path):
@@ -315,8 +318,9 @@ def sentence(
 
 
 def _fields_at(model: type[BaseModel], path: KeyPath, by_name: bool) -> dict[str, str]:
-    """Return the file keys of the table at a path, by key or by name of the attribute; `provenance`
-    comes last.
+    """Return the file keys of the table at a path, by key or by name of the attribute.
+
+    `provenance` comes last.
     """
     table = next(_models_in(_annotation_at(model, path)), model)
     keys = {name: field.alias or name for name, field in table.model_fields.items()}

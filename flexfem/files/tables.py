@@ -2,7 +2,8 @@
 cached with them.
 
 `model_validate` takes file keys, which end in their unit; calling the class takes names, in mm, N,
-MPa and rad."""
+MPa and rad.
+"""
 
 from __future__ import annotations
 
@@ -37,8 +38,9 @@ Value = TypeVar("Value")
 
 
 class Unchangeable(dict[str, Any]):
-    """A dictionary that cannot be changed; a mapping proxy could be neither pickled nor dumped by
-    pydantic.
+    """A dictionary that cannot be changed.
+
+    A mapping proxy could be neither pickled nor dumped by pydantic.
     """
 
     def _refuse(self, *args: Any, **kwargs: Any) -> NoReturn:
@@ -148,7 +150,8 @@ def plain(value: Any, tables: bool = False, depth: int = 0) -> Any:
     numbers in lists.
 
     Raises BadInput for values nested deeper than in any file, such as a dictionary that contains
-    itself."""
+    itself.
+    """
     if depth > MAX_DEPTH:
         raise BadInput(
             f"values nested deeper than {MAX_DEPTH} levels, or in themselves, expected the tables "

@@ -2,7 +2,8 @@
 value.
 
 The text is split into statements before `tomllib` parses it. This gives the line of every key, and
-it rejects nesting that would overflow the stack of `tomllib` or take quadratic time."""
+it rejects nesting that would overflow the stack of `tomllib` or take quadratic time.
+"""
 
 from __future__ import annotations
 
@@ -63,8 +64,9 @@ class DepthError(Exception):
 
 
 def _ends(text: str) -> Iterator[int]:
-    """Yield the offsets at which statements (header, key with value, comment) end. Raises
-    DepthError.
+    """Yield the offsets at which statements (header, key with value, comment) end.
+
+    Raises DepthError.
     """
     depth = 0
     for match in _TOKEN.finditer(text):
@@ -180,8 +182,9 @@ KINDS = {  # by the keys that only files of that kind have
 
 
 def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
-    """Return the kind of file that most keys indicate; `expected` wins a tie; None where no key
-    indicates one.
+    """Return the kind of file that most keys indicate; `expected` wins a tie.
+
+    It is None where no key indicates one.
     """
     votes = {kind: sum(key in data for key in keys) for kind, keys in KINDS.items()}
     most = max(votes.values())
@@ -190,8 +193,9 @@ def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
 
 
 def read_toml(path: PathLike) -> TomlFile:
-    """Read a TOML file of at most `MAX_BYTES`, nested at most `MAX_DEPTH` deep. Raises BadInput for
-    any other file.
+    """Read a TOML file of at most `MAX_BYTES`, nested at most `MAX_DEPTH` deep.
+
+    Raises BadInput for any other file.
     """
     if PurePath(path).suffix.lower() in DRAWINGS:
         made = "which flexfem import makes of a drawing"
@@ -224,12 +228,14 @@ def validate(
     path: PathLike,
     completed: Callable[[dict[str, Any]], dict[str, Any]] | None = None,
 ) -> Model:
-    """Read a TOML file into its model; `completed` adds the data of other files that the file
-    names.
+    """Read a TOML file into its model.
+
+    `completed` adds the data of other files that the file names.
 
     Raises BadInput as `read_toml`, and for a file of another kind and for missing, unknown or
     invalid keys. The first invalid value in the file is named and the others are counted; all
-    missing keys are named."""
+    missing keys are named.
+    """
     file = read_toml(path)
     require_plain_stem(path)
     expected = getattr(model_class, "kind", None)
@@ -286,8 +292,9 @@ def require_plain_stem(path: PathLike) -> None:
 
 
 def read_text(path: PathLike) -> str:
-    """Return the text of a file of at most `MAX_BYTES`. Raises BadInput: not readable, or not
-    UTF-8.
+    """Return the text of a file of at most `MAX_BYTES`.
+
+    Raises BadInput: not readable, or not UTF-8.
     """
     data = read_bytes(path)
     if data.startswith(b"\xef\xbb\xbf"):
@@ -308,6 +315,7 @@ def read_csv(
     path: PathLike, required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[int, dict[str, str]]:
     """Return the rows of a CSV file by line and column; lines that begin with # are comments.
+
     Raises BadInput.
     """
     texts = {
@@ -337,8 +345,9 @@ def read_csv(
 
 
 def read_bytes(path: PathLike, most: int = MAX_BYTES) -> bytes:
-    """Return the content of a regular file of at most `most` bytes (whole MiB). Raises BadInput for
-    any other.
+    """Return the content of a regular file of at most `most` bytes (whole MiB).
+
+    Raises BadInput for any other.
     """
     path = checked_path(path)
     try:

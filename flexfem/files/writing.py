@@ -84,8 +84,9 @@ def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
-    """Return a table in Markdown without a final line end; `align` has l or r for each column,
-    default l.
+    """Return a table in Markdown without a final line end.
+
+    `align` has l or r for each column, default l.
     """
     rule = ["---:" if side == "r" else "---" for side in align.ljust(len(head), "l")]
     lines = [head, rule, *([cell.replace("|", "\\|") for cell in row] for row in rows)]
@@ -99,7 +100,8 @@ def check_folder(folder: Path, written: bool = True) -> None:
     read-only.
 
     A new folder with the name of a file, such as picture.png, is a mistake: files in a folder are
-    named by flexfem."""
+    named by flexfem.
+    """
     with _refused(folder):
         for place in (folder, *folder.parents):
             if place.is_dir():
@@ -226,8 +228,9 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: boo
 
 
 def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:
-    """Return the arrays of an .npz file by name. Raises BadInput, naming the expected content
-    `what`.
+    """Return the arrays of an .npz file by name.
+
+    Raises BadInput, naming the expected content `what`.
     """
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:

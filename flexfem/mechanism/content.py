@@ -226,8 +226,9 @@ class FileContent(Sourced):
         return toml_text(content)
 
     def save(self, path: PathLike) -> None:
-        """Write `to_toml` to a file. Raises BadInput when its folder does not exist or is not
-        writable.
+        """Write `to_toml` to a file.
+
+        Raises BadInput when its folder does not exist or is not writable.
         """
         target = checked_path(path)
         check_file(target)

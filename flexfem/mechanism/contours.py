@@ -23,7 +23,8 @@ class Part(NamedTuple):
     """Contours of a plate, mm.
 
     loops : closed loops, counter-clockwise around separate pieces and clockwise around holes, the
-    outer one first."""
+    outer one first.
+    """
 
     loops: list[list[Segment]]
 
@@ -39,8 +40,9 @@ class Part(NamedTuple):
 
 
 def cut_path(part: Part, kerf: float) -> Part:
-    """Return the path of the wire centre that cuts a part with a kerf, mm; every neck keeps its
-    exact width.
+    """Return the path of the wire centre that cuts a part with a kerf, mm.
+
+    Every neck keeps its exact width.
 
     The path follows arcs about outer corners; sharp inner corners become fillets with half the kerf
     as radius.
@@ -118,8 +120,9 @@ def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
 
 
 def _crossing(a: Segment, b: Segment, near: complex) -> complex | None:
-    """Intersection nearest to a point of two lines or circles on which segments lie; None without
-    one.
+    """Intersection nearest to a point of two lines or circles on which segments lie.
+
+    It is None without one.
     """
     a, b = (b, a) if a.centre is None else (a, b)
     if a.centre is None:

@@ -6,7 +6,8 @@ displacement (b = 0) wherever the curve can be passed by this, and otherwise is 
 control of the arc length. The tangent compliance of the port and the number of negative pivots of
 the tangent stiffness show where the curve has a limit, where it branches, and which equilibria are
 stable. E. Riks, Int. J. Solids Structures 15 (1979) 529; M. A. Crisfield, Non-linear Finite Element
-Analysis 1, 1991, chapter 9."""
+Analysis 1, 1991, chapter 9.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +76,8 @@ class Event(NamedTuple):
     `BIFURCATION`.
     port : at a bifurcation, the one that takes part; -1 if none does.
     bend : at an extremum, change of the slope from the point before, per displacement or, of
-    `FURTHEST`, per force."""
+    `FURTHEST`, per force.
+    """
 
     kind: str
     at: CurvePoint
@@ -379,8 +381,9 @@ def way_along(
 def replayed(
     reach: Reach, rest: CurvePoint, way: Sequence[Waypoint], port: int, scale: Array
 ) -> list[CurvePoint | None]:
-    """Return the equilibria of another model at the wanted points of a curve; None from one that is
-    not found.
+    """Return the equilibria of another model at the wanted points of a curve.
+
+    It is None for one that is not found.
 
     A jump that does not end near the point of the curve is divided at a point in between.
     """

@@ -20,8 +20,9 @@ class Bezier(NamedTuple):
 
 
 class Ellipse(NamedTuple):
-    """An arc of an ellipse of at most a quarter turn; `major` is the vector of its major half-axis,
-    mm.
+    """An arc of an ellipse of at most a quarter turn.
+
+    `major` is the vector of its major half-axis, mm.
     """
 
     start: complex

@@ -1,7 +1,8 @@
 """Gaps between parts of a plate: their widths and places at rest, and overlaps of parts that move.
 
 Parts are numbered: the bodies, then the hinges, as in a mesh, then the middles of the hinges. A
-hinge is joined to its two bodies, from which only its middle may be apart."""
+hinge is joined to its two bodies, from which only its middle may be apart.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +23,9 @@ BESIDE = 100.0  # height of the strip beside a hinge, per length
 
 
 class Gap(NamedTuple):
-    """A gap between two parts, mm, and its place; a negative width is the mean thickness of their
-    overlap.
+    """A gap between two parts, mm, and its place.
+
+    A negative width is the mean thickness of their overlap.
     """
 
     width: float

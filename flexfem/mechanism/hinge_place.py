@@ -126,7 +126,8 @@ def end_lines(joint: Joint, side: int, rigid: bool = False) -> list[Segment]:
     between them would be a needle. The lines then leave the edge where it gets steeper than 60
     degrees, at a `rigid` body than 80 degrees, and the triangles of the corner beyond them are
     those of the body. The corner is still a part of the hinge: means over the body leave it out,
-    see `in_hinge`."""
+    see `in_hinge`.
+    """
     profile = joint.profile
     half = joint.profile.length / 2
     breaks = side * np.array(profile.breaks)
@@ -150,7 +151,8 @@ def _from_edge(
     """Return the points of the end of a hinge from its left edge inwards, as in `end_lines`.
 
     x : (n,), positions towards the end.   edge, half_height : (n,), mm, distance of the edge from
-    the axis and half the height.   steepest : slope beyond which the edge is left."""
+    the axis and half the height.   steepest : slope beyond which the edge is left.
+    """
     gentle = np.flatnonzero(np.diff(edge) <= steepest * np.diff(x))
     leave = gentle[-1] + 1 if len(gentle) else 0
     rest = end - x[leave]

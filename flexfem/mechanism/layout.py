@@ -89,7 +89,8 @@ class Body(NamedTuple):
     of an elastic body.
     width : of a bar along a path, mm; None for a body with an outline.
     key : key path of the body in the file, for refusals.   material : its own, None for that of the
-    plate."""
+    plate.
+    """
 
     name: str
     outline: tuple[Segment, ...]
@@ -107,7 +108,8 @@ class Joint(NamedTuple):
 
     Within the length of the profile the hinge replaces the material of both bodies over the height
     `cut`, mm, zero where the bodies end at the hinge.   material : its own, None for that of the
-    plate."""
+    plate.
+    """
 
     name: str
     bodies: tuple[int, int]
@@ -120,8 +122,9 @@ class Joint(NamedTuple):
 
     @property
     def sided(self) -> tuple[Profile, complex]:
-        """Profile that is the same for mirror images of the hinge, and the direction to its left; 0
-        if symmetric.
+        """Profile that is the same for mirror images of the hinge, and the direction to its left.
+
+        The direction is 0 if the profile is symmetric.
         """
         if self.profile.symmetric:
             return self.profile, 0j
@@ -193,7 +196,8 @@ class Payload(NamedTuple):
     """Payload of the platform, with its centre of mass at the platform centre and in the mid-plane.
 
     mass : tonne.   inertia, tilting : tonne mm^2, about the normal of the stage and about every
-    axis in its mid-plane."""
+    axis in its mid-plane.
+    """
 
     mass: float = 0.0
     inertia: float = 0.0
@@ -234,8 +238,9 @@ class ActuatorSet(NamedTuple):
     friction: Array = np.zeros(0)
 
     def at(self, which: AnyArray | int | None) -> ActuatorSet:
-        """Select the numbers of one design or of designs (k,); None adds a leading axis of length
-        one.
+        """Select the numbers of one design or of designs (k,).
+
+        None adds a leading axis of length one.
         """
         return self._replace(**{name: getattr(self, name)[which] for name in NUMBERS})
 
@@ -358,8 +363,9 @@ class Layout(NamedTuple):
 
     @property
     def lever(self) -> float:
-        """Distance, mm, from the output to the farthest hinge of its body; a rotation times it is a
-        displacement.
+        """Distance, mm, from the output to the farthest hinge of its body.
+
+        A rotation times it is a displacement.
         """
         output = self.points[0][1]
         arms = [
@@ -385,7 +391,8 @@ class End(NamedTuple):
     length / 2 on the second.
 
     The section moves as a rigid body.   hinge : index in `Layout.joints`.   far : whether on the
-    second body."""
+    second body.
+    """
 
     hinge: int
     far: bool
@@ -400,7 +407,8 @@ class ElasticBody(NamedTuple):
     Displacement x, y and rotation of every interface as a twist at the global origin, mm and rad,
     per wrench on the body at the global origin, N and N mm. The motion is relative to the ground
     for a body with clamped edges, else to the mean rigid motion of the body, that of `Patch(body,
-    ..., None)`, with the load balanced by the conjugate load."""
+    ..., None)`, with the load balanced by the conjugate load.
+    """
 
     body: int
     interfaces: tuple[Interface, ...]

@@ -160,8 +160,9 @@ class Material(Table):
     def model_copy(
         self, *, update: Mapping[str, Any] | None = None, deep: bool = False
     ) -> Material:
-        """Return a validated copy with some values replaced; a changed registered material gets
-        another name.
+        """Return a validated copy with some values replaced.
+
+        A changed registered material gets another name.
         """
         return Material(**with_changes(self.model_dump(), update or {}))
 
@@ -251,8 +252,9 @@ _unread = [PACKAGE / "data" / "materials.toml"]
 
 
 def _known(name: Any) -> Entry | None:
-    """Return the registered material of a name, or None. The first call reads the shipped and the
-    user's files.
+    """Return the registered material of a name, or None.
+
+    The first call reads the shipped and the user's files.
     """
     while _unread:
         REGISTERED.update(read_materials(_unread.pop()))
@@ -261,8 +263,9 @@ def _known(name: Any) -> Entry | None:
 
 
 def materials() -> Mapping[str, Material]:
-    """Return the registered materials by name, including the user's own; a stage file names one in
-    `[material]`.
+    """Return the registered materials by name, including the user's own.
+
+    A stage file names one in `[material]`.
 
     Examples
     --------
@@ -327,8 +330,9 @@ def sources_of(name: Any) -> dict[str, str]:
 
 
 def with_changes(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of a changed material by attribute name; a changed registered material
-    gets another name.
+    """Return the content of a changed material by attribute name.
+
+    A changed registered material gets another name.
 
     A registered name among the changes replaces all numbers.
     """
@@ -345,7 +349,8 @@ def read_materials(path: PathLike) -> dict[str, Entry]:
     """Return the materials of a TOML file by name; each is a table with its numbers and `source`.
 
     Raises BadInput, naming file and line, when a key is missing, unknown or has a value that is not
-    possible."""
+    possible.
+    """
     data = read_toml(path).data
     fields: Any = {f"table_{k}": (Entry, Field(alias=name)) for k, name in enumerate(data)}
     tables = validate(create_model("MaterialsFile", __base__=Table, **fields), path, _named)

@@ -36,8 +36,9 @@ class MechanismFile(MechanismTables):
     """
 
     def replace(self, **changes: Any) -> Self:
-        """Return a changed mechanism, validated; expressions are computed again from the
-        parameters.
+        """Return a changed mechanism, validated.
+
+        Expressions are computed again from the parameters.
 
         Parameters
         ----------
@@ -65,8 +66,9 @@ class MechanismFile(MechanismTables):
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the physical content, expressions evaluated; its name, parameters and
-        provenance are excluded.
+        """SHA-256 of the physical content, expressions evaluated.
+
+        Its name, parameters and provenance are excluded.
         """
         return self._digest({"parameters"}, exclude_none=True)
 
@@ -134,8 +136,9 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def read_mechanism(path: PathLike) -> MechanismFile:
-    """Read a mechanism file whose bodies and hinges need not fit together. Raises BadInput as
-    `load_mechanism`.
+    """Read a mechanism file whose bodies and hinges need not fit together.
+
+    Raises BadInput as `load_mechanism`.
     """
     mechanism = read_content(MechanismFile, path, partial(with_scanned_tables, path))
     _ = mechanism.layout

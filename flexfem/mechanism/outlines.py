@@ -127,8 +127,9 @@ def polyline(*points: complex) -> list[Segment]:
 
 
 def bowed(start: complex, end: complex, bow: float) -> list[Segment]:
-    """Circular arc from `start` to `end`, in parts of less than half a turn; without a bow the
-    line.
+    """Circular arc from `start` to `end`, in parts of less than half a turn.
+
+    Without a bow it is the line.
 
     bow : height of the arc over its chord, mm, positive to the right of the way from `start` to
     `end`, as the arc then
@@ -330,7 +331,8 @@ def area_moments(loop: Iterable[Segment]) -> AnyArray:
     counter-clockwise loop.
 
     By the divergence theorem, with `z = x + i y` and `w = x dy - y dx`, they equal the integrals
-    along the loop times `w` over 2, 3, 4, 4 and 5."""
+    along the loop times `w` over 2, 3, 4, 4 and 5.
+    """
     share = (GAUSS[0] + 1) / 2
     weights = GAUSS[1] / 2
     parts = [
@@ -349,7 +351,8 @@ def inertia_of(moments: AnyArray, areal: Array | float) -> Array:
     origin.
 
     moments : (..., 3), area integrals of 1, z and |z|^2, mm^2 to mm^4.   areal : (...), mass per
-    area, tonne/mm^2."""
+    area, tonne/mm^2.
+    """
     values = np.moveaxis(moments * np.asarray(areal)[..., None], -1, 0)
     mass, x, second = values.real
     y = values[1].imag

@@ -30,7 +30,8 @@ class Profile(ProfileBeam):
 
         `resolution` quadratic triangles lie across the neck. Their size grows with the height along
         a slender profile, and is smaller at the edge of a neck with a small root radius. Elsewhere
-        sizes may grow with the distance."""
+        sizes may grow with the distance.
+        """
         found = self._sizes(resolution)
         if self.symmetric:
             return found

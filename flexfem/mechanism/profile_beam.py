@@ -28,7 +28,8 @@ def _double_exponential(steps: int, end: float) -> tuple[Array, Array]:
     """Positions and weights (2 steps + 1,) on (0, 1) of the rule of Takahasi and Mori (1974).
 
     Its points crowd at both ends. There heights have vertical tangents, and 1/height^3 has poles
-    near a neck."""
+    near a neck.
+    """
     u = end * np.arange(-steps, steps + 1) / steps
     x = 1 / (1 + np.exp(-np.pi * np.sinh(u)))
     return x, np.pi * np.cosh(u) * x * (1 - x) * end / steps
@@ -62,7 +63,8 @@ class ProfileBeam(ProfileShape):
         / (G A)` and `int dx / (E I)`. A force at the centre and a moment are uncoupled for a
         profile symmetric about its centre. Where the mid-line is m off the axis, the section
         carries the moment `M - V x + N m`: an axial force bends, and `int m^2 / (E I) dx`, `int m /
-        (E I) dx` and `-int x m / (E I) dx` are added."""
+        (E I) dx` and `-int x m / (E I) dx` are added.
+        """
         x, weights = self.quadrature
         added = np.asarray(thicker, dtype=float)[..., None]
         height = self.height(x) + np.where(added > -self.neck, added, np.nan)
@@ -107,7 +109,8 @@ class ProfileBeam(ProfileShape):
 
         Under loads on its ends alone, the section there moves by the motion of the near end plus
         this share of the motion of the far end relative to it, as twists at the centre: axial,
-        transverse, rotation."""
+        transverse, rotation.
+        """
         x, weights = self.quadrature
         height = self.height(x)
         axial = weights / height
@@ -145,7 +148,8 @@ class ProfileBeam(ProfileShape):
 
         It is that of Neuber's notch with the root radius, in bending times the factor of the inner
         or outer edge of a bar whose mid-line has a curvature k, `1 +- k t / 3` (E. Winkler, to
-        first order)."""
+        first order).
+        """
         K = concentration(np.maximum(self.neck / self.root_radius, SLIGHTEST))
         return K._replace(bending=K.bending * (1 - edge * self._middle_curvature * self.neck / 3))
 
@@ -184,7 +188,8 @@ class ProfileBeam(ProfileShape):
         in moment and tension (`benchmarks/hinge_shapes.py`); transverse forces give up to 18 % less
         in short notches deeper than long and between flanks at more than 90 degrees. Of notches on
         one side, with necks of up to a fifth of the radius, they give 0.2 % less by a moment, 2 %
-        less in tension, and 10 % more by a transverse force at the centre."""
+        less in tension, and 10 % more by a transverse force at the centre.
+        """
         x = self.sections
         return np.asarray(
             np.max(

@@ -98,7 +98,8 @@ class Leaf(Spanned):
     length; mm.
 
     flush : those of `CORNERS` that have no fillet, because the edge goes on as the side of the
-    body."""
+    body.
+    """
 
     fillet: float = 0.0
     flush: tuple[str, ...] = ()
@@ -198,8 +199,9 @@ class Leaf(Spanned):
         ] + second
 
     def concentration(self, x: Array, edge: float) -> Concentration:
-        """Return the concentration (n,) at fillets, `shoulder`; one at straight parts and edges and
-        at sharp roots.
+        """Return the concentration (n,) at fillets, `shoulder`.
+
+        It is one at straight parts and edges and at sharp roots.
         """
         side, opposite = (LEFT, RIGHT) if edge < 0 else (RIGHT, LEFT)
         tension, bending = np.ones((2, *np.shape(x)))
@@ -327,14 +329,16 @@ SHAPES: dict[str, type[Profile]] = {
 
 
 def profile_of(shape: str, dimensions: Mapping[str, Any]) -> Profile:
-    """Return the profile of a shape with dimensions by key, mm and rad. Raises BadDimension, with
-    the key.
+    """Return the profile of a shape with dimensions by key, mm and rad.
+
+    Raises BadDimension, with the key.
 
     The keys are radius and neck of a circular hinge; length, depth and neck of an elliptical or
     parabolic one; length, neck and perhaps fillet and flush corners of a leaf, which is the
     filleted one; angle, root_radius, depth and neck of a v; table, rows of position and height or
     of position, left and right edge, and perhaps smooth of a profile; perhaps side, "left" or
-    "right", of any but a profile."""
+    "right", of any but a profile.
+    """
     if shape not in SHAPES:
         raise BadDimension("shape", f"one of {', '.join(SHAPES)}")
     known = {

@@ -99,8 +99,9 @@ def _points_of_edges(path: PathLike) -> dict[str, list[tuple[float, float]]]:
 
 
 def _curve(points: Array) -> Any:
-    """Return a smoothing spline through means of points (n, 2) that lie close together; `x` are
-    their positions.
+    """Return a smoothing spline through means of points (n, 2) that lie close together.
+
+    `x` are their positions.
     """
     # takes a fifth of a second to import, for scans alone
     from scipy.interpolate import make_smoothing_spline

@@ -12,11 +12,13 @@ CORNER_POWER = 0.4555  # of the distance in the stress at a right-angled inner c
 
 
 class Concentration(NamedTuple):
-    """Stress concentration factors (...), relative to a straight bar as wide as the neck; functions
-    of t/R.
+    """Stress concentration factors (...), relative to a straight bar as wide as the neck.
+
+    They are functions of t/R.
 
     shear : for a transverse force, off the neck centre: surface stress relative to that of the
-    bending moment there."""
+    bending moment there.
+    """
 
     bending: Array
     tension: Array
@@ -36,7 +38,8 @@ def concentration(ratio: Array) -> Concentration:
     plane-stress finite elements of whole stages (t/R 0.13 to 0.60) the highest neck stress agrees
     within 1 % when the forces are those of calibrated hinges and elastic links; other forces are
     worse (`warnings.STRESS_ABOVE`). Smith and Chetwynd's `(1 + t/2R)^0.45` is up to 1.4 % and 3.4 %
-    too large; no concentration is 6 to 9 % too small."""
+    too large; no concentration is 6 to 9 % too small.
+    """
     a = 0.5 * ratio
     root = np.sqrt(a)
     angle = np.arctan(root)
@@ -58,7 +61,8 @@ def shoulder(ratio: float, one_sided: bool = False) -> tuple[float, float]:
 
     With a fillet on one side of the leaf, the other being flush with both bodies, the fit is within
     1.4 % in tension for ratios of 5 to 100, where the fillet governs, and within 0.3 % in bending
-    for ratios of 0.1 to 100."""
+    for ratios of 0.1 to 100.
+    """
     fits = (
         ((0.3626, 0.5603), (0.5234, 1.0341)) if one_sided else ((0.8446, 1.1349), (0.3352, 0.9479))
     )

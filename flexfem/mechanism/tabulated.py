@@ -39,7 +39,8 @@ class Tabulated(Profile):
     Positions are taken from the middle of the table. The edges are distances from the axis, to the
     left and to the right. Straight lines join the rows. With `smooth` height and mid-line are
     monotone cubics of F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5, 300 (1984), instead,
-    so that no height lies outside those of the rows beside it."""
+    so that no height lies outside those of the rows beside it.
+    """
 
     neck: float = field(init=False)
     side: None = field(default=None, init=False)
@@ -166,8 +167,9 @@ class Tabulated(Profile):
 
     @property
     def root_radius(self) -> float:
-        """Radius of the parabola through the lowest row and those beside it, mm; infinite at an end
-        or in a flat.
+        """Radius of the parabola through the lowest row and those beside it, mm.
+
+        It is infinite at an end or in a flat.
 
         It is infinite between straight lines too: the stress of the beam at a corner is nominal.
         """
@@ -184,8 +186,9 @@ class Tabulated(Profile):
 
     @property
     def _middle_curvature(self) -> float:
-        """As of any profile, of the parabola through the rows of the neck; zero where the root
-        radius is infinite.
+        """As of any profile, of the parabola through the rows of the neck.
+
+        It is zero where the root radius is infinite.
         """
         if not math.isfinite(self.root_radius):
             return 0.0
@@ -227,8 +230,9 @@ class Tabulated(Profile):
 
     @cached_property
     def _turns(self) -> Array:
-        """Larger turn (n,), rad, of both edges at rows, positive at inner corners; at the ends, to
-        an upright side.
+        """Larger turn (n,), rad, of both edges at rows, positive at inner corners.
+
+        At the ends it is the turn to an upright side.
 
         The corner at an end counts only where the end is not much higher than the neck.
         """
@@ -254,7 +258,8 @@ class Tabulated(Profile):
         uniform parts.
 
         They are graded at sharp inner corners, and small where rows lie close together or the edge
-        is tightly curved."""
+        is tightly curved.
+        """
         found: dict[tuple[float, float], list[complex]] = {}
 
         def refine(points: Iterable[complex], size: float, reach: float) -> None:

@@ -75,8 +75,9 @@ class _Reading:
         return one_line(text if line is None else f"line {line}: {text}")
 
     def remove(self, at: KeyPath, text: str) -> None:
-        """Name a fault and remove the part that has it. Raises BadInput where there is no such
-        part.
+        """Name a fault and remove the part that has it.
+
+        Raises BadInput where there is no such part.
         """
         text = self.said(text, at)
         key = str(at[0]) if at else ""
@@ -105,8 +106,9 @@ class _Reading:
 
 
 def read_drawable(path: PathLike) -> Unfinished:
-    """Read a mechanism file, or what can be drawn of an unfinished one; a connection to ground may
-    be missing, too.
+    """Read a mechanism file, or what can be drawn of an unfinished one.
+
+    A connection to ground may be missing, too.
 
     Raises BadInput as `read_mechanism` for a file without a body that can be drawn.
     """

@@ -32,8 +32,9 @@ OF_BALLS = ("ball_loose", "ball_youngs_modulus", "ball_poissons_ratio")
 
 
 class ActuatorNumbers(NamedTuple):
-    """Numbers of actuators (...) in inside units, as in `Actuator`; nan if not stated. x and y
-    belong to `point`.
+    """Numbers of actuators (...) in inside units, as in `Actuator`.
+
+    They are nan if not stated. x and y belong to `point`.
     """
 
     arm: AnyArray
@@ -88,7 +89,8 @@ def hertz(
 
     The approach is `(9 F^2 / (16 R E*^2))^(1/3)` and the stiffness dF/d(approach) is `(6 R E*^2
     F)^(1/3)`, with `1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`: K. L. Johnson, Contact Mechanics,
-    1985, (4.23)."""
+    1985, (4.23).
+    """
     modulus = 1 / sum((1 - nu**2) / E for E, nu in (ball, flat))
     return np.asarray((6 * np.asarray(radius) * modulus**2 * np.asarray(force)) ** (1 / 3))
 
@@ -205,8 +207,9 @@ class Actuator(RatedActuator):
 
     @property
     def assumed_of_ball(self) -> list[str]:
-        """Properties of the ball that are assumed because the file does not state them; empty
-        without a ball.
+        """Properties of the ball that are assumed because the file does not state them.
+
+        The list is empty without a ball.
         """
         if self.ball_radius is None:
             return []

@@ -6,7 +6,8 @@ must not be counted again in the plane model of the stage. Both models therefore
 average its motion, over a finite length of its strip, a `Station`, with the moment of the true line
 of action. On the platform they use the rigid hub. The rotation of a hinge is the mean rotation of a
 short station directly distal to its notch less that of one directly proximal to it; a unit couple
-on the same stations is conjugate to this rotation."""
+on the same stations is conjugate to this rotation.
+"""
 
 from __future__ import annotations
 
@@ -111,7 +112,8 @@ def body_forces(station: Station, points: Array) -> Array:
 
     Every section of the station takes its share of the whole wrench with the stress distribution of
     a beam: uniform, parabolic and linear in a straight strip, `bend_stresses` in a bend. Beam
-    stresses balance this load at every point."""
+    stresses balance this load at every point.
+    """
     z = points[:, 0] + 1j * points[:, 1]
     force = np.zeros((3, len(points)), dtype=complex)
     start = 0.0
@@ -163,7 +165,8 @@ def bend_stresses(a: float, b: float, r: Array) -> tuple[Array, Array, Array, Ar
 
     Golovin's solutions, S. Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., 1970, sections
     29 and 33. Over the section, the first result times r, the second and the third integrate to one
-    each."""
+    each.
+    """
     log = np.log(b / a)
     q = (a * b / r) ** 2 * log
     radial = q + b**2 * np.log(r / b) + a**2 * np.log(a / r)
@@ -271,7 +274,8 @@ def placed_stack(
     rad.
 
     Both are in the frame of chain 1. A link that carries the stack is loaded at the section nearest
-    to the point."""
+    to the point.
+    """
     wrench = wrench_of(point, np.exp(1j * direction))
     carrier, driven = (BODY_NAMES.index(body) for body in between)
 

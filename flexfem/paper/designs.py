@@ -29,8 +29,9 @@ class Elastic(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Designs:
-    """n stages as arrays in inside units (mm, MPa, rad) with a leading axis of designs; the values
-    are not validated.
+    """n stages as arrays in inside units (mm, MPa, rad) with a leading axis of designs.
+
+    The values are not validated.
 
     plane : plane model of all designs.   prismatic : (3 chains, 3 hinges), bool, the same for all.
     thickness, youngs_modulus, poissons_ratio, yield_strength, link_width, platform_radius,
@@ -42,7 +43,8 @@ class Designs:
     link_lengths, joint_angles : (n, 3).
     radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
     actuator : (n, 3 chains, actuators, numbers), of `actuators.ActuatorNumbers`, used for the drive
-    only."""
+    only.
+    """
 
     plane: Plane
     prismatic: NDArray[np.bool_]
@@ -74,7 +76,8 @@ class Designs:
 
         Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane
         stress with factors on the hinges only (`hinges/chart.py`), because links are about as wide
-        as thick."""
+        as thick.
+        """
         E = self.youngs_modulus
         nu = self.poissons_ratio
         return (

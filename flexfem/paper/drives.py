@@ -54,8 +54,9 @@ Rows = tuple[tuple[Actuator, ...], ...]  # the actuators of every chain
 
 @once
 def drive_of(stage: StageContent) -> ActuatorSet:
-    """Return the drive of a stage. Raises BadInput for a stage without actuators or a contact off
-    its body.
+    """Return the drive of a stage.
+
+    Raises BadInput for a stage without actuators or a contact off its body.
     """
     with located(stage):
         if not stage.actuator:

@@ -16,7 +16,8 @@ class Frames(NamedTuple):
 
     centres : (..., 3 chains, 3 hinges, 2), mm, the platform centre at the origin.
     axes : (..., 3, 3), rad, direction of each neck from its base-side body to its platform-side
-    body."""
+    body.
+    """
 
     centres: Array
     axes: Array
