@@ -25,10 +25,8 @@ from flexfem.files.refusals import refusal
 from flexfem.units import NONE, UNITS
 
 UNIT = "x-unit"  # keyword of every number in a schema: its unit
-COUNT = "1"
-OF_THE_KEY = (
-    "of the key"  # units of a dimensionless number, and of a number in the unit of another key
-)
+COUNT = "1"  # unit of a dimensionless number
+OF_THE_KEY = "of the key"  # unit of a number in the unit of another key
 INSIDE = "inside units"  # context of a validation whose numbers are in mm, N, MPa and rad
 STATED = "stated"  # context of a dump: expressions by their texts
 KNOWN: ContextVar[Mapping[str, float] | None] = ContextVar(
@@ -130,13 +128,15 @@ class Limits:
             require_names(text, known)
             text = text.product if isinstance(text, Scaled) else text
             number = float(value_of(text, known))
-            if (expected := self.expected(number)) is not None:
+            expected = self.expected(number)
+            if expected is not None:
                 raise refusal(f"{expected}; its value is {number:g}")
             return Evaluated(self.inside(number), text, self)
         if info.context == INSIDE and type(value) in (int, float) and abs(value) < 1e300:
             value = self.in_file(float(value))
         number = handler(value)
-        if (expected := self.expected(number)) is not None:
+        expected = self.expected(number)
+        if expected is not None:
             raise refusal(expected)
         return self.inside(number)
 

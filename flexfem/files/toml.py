@@ -24,6 +24,7 @@ from pydantic import BaseModel, ValidationError
 from flexfem.files.refusals import (
     SHOWN,
     KeyPath,
+    Problem,
     checked_path,
     needed,
     one_line,
@@ -35,20 +36,11 @@ from flexfem.files.refusals import (
 from flexfem.refused import BadInput
 
 MAX_BYTES = 2**20
-DRAWINGS = (
-    ".dxf",
-    ".step",
-    ".stp",
-    ".svg",
-)  # files that are no TOML, and that many commands take instead of it
+# files that are no TOML, and that many commands take instead of it
+DRAWINGS = (".dxf", ".step", ".stp", ".svg")
 MAX_DEPTH = 32  # brackets around a value, parts of a dotted key; shipped files have at most four
-DEVICES = {
-    "CON",
-    "PRN",
-    "AUX",
-    "NUL",
-    *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10)),
-}  # of Windows
+PORTS = (f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))
+DEVICES = {"CON", "PRN", "AUX", "NUL", *PORTS}  # of Windows
 _STRING = r"""
     (?: \"{3} (?: [^"\\] | \\.? | "{1,2}(?!") )*+ (?: "{3,5} | \Z ) | \'{3} (?: [^'] | '{1,2}(?!') )*+ (?: '{3,5} | \Z )
       | " (?: [^"\\\n] | \\[^\n]? )*+ "? | ' [^'\n]*+ '? )"""  # possessive, also unclosed: linear time on any text
@@ -83,7 +75,8 @@ class TomlFile:
     """The data of a TOML text, and the lines of its key paths; elements of arrays count from zero."""
 
     def __init__(self, text: str) -> None:
-        self.text, self.ends = text, [*_ends(text)]
+        self.text = text
+        self.ends = [*_ends(text)]
         self.data = tomllib.loads(text)
 
     @cached_property
@@ -247,28 +240,30 @@ def validate(
         problems = problems_of(error, data)
     if expected and found and found != expected:
         raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
-    wrong = sorted(
-        (p for p in problems if p.kind != "missing"), key=lambda problem: file.place(problem.path)
-    )
-    keys = [
-        key
-        for problem in problems
-        if problem.kind == "missing"
-        for key in needed(problem.path, model_class, data)
-    ]
-    more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
-    messages = [sentence(wrong[0], model_class, data) + more] if wrong else []
-    if keys:
-        messages.append(
-            f"{', '.join(keys[:-1])} and {keys[-1]} are missing"
-            if keys[1:]
-            else f"{keys[0]} is missing"
-        )
-    first = wrong[0] if wrong else min(problems, key=lambda problem: file.place(problem.path))
-    messages[-1] += (
-        " (in mm, to which this file is converted)" if file.data.get("units") == "in" else ""
-    )
-    raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {'; '.join(messages)}"))
+    ordered = sorted(problems, key=lambda problem: file.place(problem.path))
+    wrong = [problem for problem in ordered if problem.kind != "missing"]
+    messages = list[str]()
+    if wrong:
+        more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+        messages.append(sentence(wrong[0], model_class, data) + more)
+    if len(wrong) < len(problems):
+        messages.append(_missing(problems, model_class, data))
+    text = "; ".join(messages)
+    if file.data.get("units") == "in":
+        text += " (in mm, to which this file is converted)"
+    first = wrong[0] if wrong else ordered[0]
+    raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {text}"))
+
+
+def _missing(problems: list[Problem], model_class: type[BaseModel], data: dict[str, Any]) -> str:
+    """Return which keys are missing."""
+    keys = list[str]()
+    for problem in problems:
+        if problem.kind == "missing":
+            keys += needed(problem.path, model_class, data)
+    if len(keys) == 1:
+        return f"{keys[0]} is missing"
+    return f"{', '.join(keys[:-1])} and {keys[-1]} are missing"
 
 
 def require_plain_stem(path: PathLike) -> None:

@@ -67,7 +67,8 @@ def cut_path(part: Part, kerf: float) -> Part:
         if validity != "Valid Geometry":
             raise _too_wide(kerf, *map(float, validity.partition("[")[2].rstrip("]").split()))
     for one, other in combinations([polygon.exterior for polygon in drawn], 2):
-        if not (shared := shapely.intersection(one, other)).is_empty:
+        shared = shapely.intersection(one, other)
+        if not shared.is_empty:
             raise _too_wide(kerf, *shapely.get_coordinates(shared)[0].tolist())
     return Part(loops)
 
@@ -101,10 +102,8 @@ def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
             if at is None and bend < -BLUNT:
                 raise _too_wide(2 * distance, segment.end.real, segment.end.imag)
             at = middle if at is None else at
-            moved[k], moved[following] = (
-                moved[k]._replace(end=at),
-                moved[following]._replace(start=at),
-            )
+            moved[k] = moved[k]._replace(end=at)
+            moved[following] = moved[following]._replace(start=at)
     for old, new in zip(before, moved, strict=True):
         if (
             new.turn * old.turn < 0

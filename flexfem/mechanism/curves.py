@@ -341,25 +341,15 @@ def way_along(
     """Return the points of a curve in their order: its own, its events, and those first at
     displacements, mm or rad.
     """
-    placed = list[tuple[int, float, Waypoint]]()
-    for number, (point, line) in enumerate(zip(curve.points, curve.lines, strict=True)):
-        placed.append((number, 0.0, Waypoint(point, line)))
-    for number, event in curve.events:
-        u = float(event.at.motions[port])
-        f = float(event.at.loads[port])
-        line = (1.0, 0.0, u) if event.kind in (HIGHEST, BIFURCATION) else (0.0, 1.0, f)
-        if event.kind == WITHOUT_FORCE:
-            line = UNLOADED
-        way = np.array(
-            [u - curve.points[number].motions[port], f - curve.points[number].loads[port]]
-        )
-        distance = float(np.hypot(*(way / curve.scale)))
-        placed.append((number, distance, Waypoint(event.at, line, True, event)))
+    placed = [
+        _Stop(number, 0.0, Waypoint(point, line))
+        for number, (point, line) in enumerate(zip(curve.points, curve.lines, strict=True))
+    ]
+    placed += [_at_event(curve, port, number, event) for number, event in curve.events]
     driven = np.array([point.motions[port] for point in curve.points])
     for displacement in displacements:
-        beyond = np.flatnonzero(
-            np.sign(displacement) * driven >= abs(displacement) * (1 - LEAST_STEP)
-        )
+        along = np.sign(displacement) * driven
+        beyond = np.flatnonzero(along >= abs(displacement) * (1 - LEAST_STEP))
         if not len(beyond):
             break
         number = max(0, int(beyond[0]) - 1)
@@ -367,15 +357,39 @@ def way_along(
         at = reach(curve.points[number], line)
         if at is None:
             break
-        way = np.array(
-            [
-                displacement - curve.points[number].motions[port],
-                at.loads[port] - curve.points[number].loads[port],
-            ]
-        )
-        distance = float(np.hypot(*(way / curve.scale)))
-        placed.append((number, distance, Waypoint(at, line, True)))
-    return [waypoint for _, _, waypoint in sorted(placed, key=lambda each: each[:2])]
+        distance = _distance(curve, port, number, displacement, float(at.loads[port]))
+        placed.append(_Stop(number, distance, Waypoint(at, line, True)))
+    return [stop.waypoint for stop in sorted(placed, key=lambda stop: stop[:2])]
+
+
+class _Stop(NamedTuple):
+    """A point on the way along a curve: the number of the point before it, and its distance."""
+
+    number: int
+    distance: float
+    waypoint: Waypoint
+
+
+def _at_event(curve: ForceCurve, port: int, number: int, event: Event) -> _Stop:
+    """Return an event that follows a point of a curve."""
+    displacement = float(event.at.motions[port])
+    force = float(event.at.loads[port])
+    line: Line = (0.0, 1.0, force)
+    if event.kind in (HIGHEST, BIFURCATION):
+        line = (1.0, 0.0, displacement)
+    elif event.kind == WITHOUT_FORCE:
+        line = UNLOADED
+    distance = _distance(curve, port, number, displacement, force)
+    return _Stop(number, distance, Waypoint(event.at, line, True, event))
+
+
+def _distance(
+    curve: ForceCurve, port: int, number: int, displacement: float, force: float
+) -> float:
+    """Return the distance from a point of a curve, in shares of its scale."""
+    point = curve.points[number]
+    way = np.array([displacement - point.motions[port], force - point.loads[port]])
+    return float(np.hypot(*(way / curve.scale)))
 
 
 def replayed(
