@@ -1,4 +1,7 @@
-"""Arithmetic expressions of names: their names, and their values; angles in degrees, as in files."""
+"""Arithmetic expressions of names: their names, and their values.
+
+Angles in degrees, as in files.
+"""
 
 from __future__ import annotations
 
@@ -212,7 +215,10 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
 
 
 def _parameter_names(stated: Mapping[str, Any]) -> dict[str, str]:
-    """Return the keys of parameters by their names without units. Refuses keys that are no names."""
+    """Return the keys of parameters by their names without units.
+
+    Refuses keys that are no names.
+    """
     if len(stated) > MOST_PARAMETERS:
         raise refusal(f"at most {MOST_PARAMETERS} parameters, not {len(stated)}", "parameters")
     keys = dict[str, str]()

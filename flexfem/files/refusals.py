@@ -64,7 +64,8 @@ def key_path(path: KeyPath, data: Any = None) -> str:
             )
             text += "".join(f".{each}" for each in about) or f"[{part}]"
         else:
-            text += f".{part if _PLAIN.fullmatch(part) and part.isprintable() else one_line(as_key(part), SHOWN)}"
+            is_plain = _PLAIN.fullmatch(part) and part.isprintable()
+            text += f".{part if is_plain else one_line(as_key(part), SHOWN)}"
     return text.removeprefix(".")
 
 
@@ -224,9 +225,8 @@ def _problem_of(details: ErrorDetails, data: Any) -> Problem:
     kind = details["type"]
     context = details.get("ctx", {})
     at = context.get("at", ())
-    named = tuple(
-        ENDING.sub("", part) if isinstance(part, str) else part for part in at
-    )  # names of attributes
+    # the same path by names of attributes
+    named = tuple(ENDING.sub("", part) if isinstance(part, str) else part for part in at)
     path = max((_present((*details["loc"], *below), data) for below in (at, named)), key=len)
     if kind == "missing" and isinstance(details["loc"][-1], int):
         return Problem(
@@ -309,9 +309,8 @@ def sentence(
         if by_name and names
         else ""
     )
-    unit = (
-        f"{alias} " if alias.endswith(("_gpa", "_deg", "_um")) else ""
-    )  # the unit of the expected number
+    has_unit = alias.endswith(("_gpa", "_deg", "_um"))  # of the expected number
+    unit = f"{alias} " if has_unit else ""
     return (
         f"{key} = {shown(reduce(_inside, problem.path, data))}, expected {unit}{problem.expected}"
     )

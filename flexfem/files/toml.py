@@ -72,7 +72,10 @@ def _ends(text: str) -> Iterator[int]:
 
 
 class TomlFile:
-    """The data of a TOML text, and the lines of its key paths; elements of arrays count from zero."""
+    """The data of a TOML text, and the lines of its key paths.
+
+    Elements of arrays count from zero.
+    """
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -374,8 +377,7 @@ def _similar(path: Path) -> str:
         files = sorted(name for name in os.listdir(path.parent) if path.with_name(name).is_file())
     except OSError:
         return ""
-    files.sort(
-        key=lambda name: (name.endswith(path.suffix), name.endswith(".toml"))
-    )  # of equal stems the last counts
+    # of equal stems the last counts
+    files.sort(key=lambda name: (name.endswith(path.suffix), name.endswith(".toml")))
     names = {PurePath(name).stem: name for name in files}
     return suggestion(path.stem, names, lambda stem: place_of(path.with_name(names[stem])))

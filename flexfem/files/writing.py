@@ -198,9 +198,8 @@ def _make_folder(folder: Path) -> None:
 
 def _flush(path: Path) -> None:
     """Wait until the content of a file or folder is on the disk."""
-    handle = os.open(
-        path, os.O_RDONLY if path.is_dir() else os.O_RDWR
-    )  # Windows flushes what is open for writing
+    access = os.O_RDONLY if path.is_dir() else os.O_RDWR  # Windows flushes what it may write
+    handle = os.open(path, access)
     try:
         os.fsync(handle)
     finally:

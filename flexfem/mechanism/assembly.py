@@ -115,7 +115,10 @@ class _Assembly:
         ]
 
     def points(self) -> list[tuple[str, Patch]]:
-        """Return the named points, the output first. Raises BadInput for an output that is fixed."""
+        """Return the named points, the output first.
+
+        Raises BadInput for an output that is fixed.
+        """
         output = self.mechanism.output
         first = PlacedPart("output", "point", output, (output.body,), "output", "output")
         points = list[tuple[str, Patch]]()

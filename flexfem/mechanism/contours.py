@@ -13,9 +13,8 @@ from flexfem.mechanism.outlines import Segment, area, offset, polygon_points
 from flexfem.refused import BadInput
 
 TANGENT = 1e-6  # rad; bend below which two segments join smoothly
-BLUNT = (
-    1e-2  # rad; bend up to which segments that approximate a curve may be joined between their ends
-)
+# rad; bend up to which segments that approximate a curve may be joined between their ends
+BLUNT = 1e-2
 FINE = np.pi / 512  # rad of arc per vertex of the polygon that is checked for self-intersection
 
 

@@ -36,9 +36,8 @@ FOUND = 1e-6  # of the tangent, or of the largest force, at a limit
 HALVED = 7  # times that an interval with a bifurcation is halved
 AMPLIFIED = 10.0  # growth of a compliance at a bifurcation from which its port takes part
 LONGEST_JUMP = 4  # points of a curve that another model passes at once
-NEAR = (
-    0.15  # distance of the equilibria of two models, as shares, up to which they are on one branch
-)
+# distance of the equilibria of two models, as shares, up to which they are on one branch
+NEAR = 0.15
 HIGHEST = "limit of the force"
 FURTHEST = "limit of the displacement"
 WITHOUT_FORCE = "no force"
@@ -162,7 +161,10 @@ class Followed:
         return bool(self.sign * point.at.motions[self.port] >= abs(self.end) * (1 - LEAST_STEP))
 
     def _after(self, before: _Placed, step: float) -> _Placed | None:
-        """Return the next point; None if there is none, or if the curve turns too far on the way."""
+        """Return the next point.
+
+        None if there is none, or if the curve turns too far on the way.
+        """
         goal = before.place + step * before.tangent
         if abs(before.tangent[0]) > STEEP:
             u = goal[0] * self.scale[0]
@@ -178,9 +180,8 @@ class Followed:
             self.held_unstable(at) == self.held_unstable(before.at)
             and before.tangent[0] * after.tangent[0] < 0
         ):
-            after = after._replace(
-                tangent=-after.tangent
-            )  # the displacement has no limit in between
+            # the displacement has no limit in between
+            after = after._replace(tangent=-after.tangent)
         chord = way / np.hypot(*way)
         turned = float(
             min(before.tangent @ after.tangent, before.tangent @ chord, after.tangent @ chord)

@@ -134,7 +134,10 @@ class Numbers:
             self.refusals.append(Refusal(np.broadcast_to(where, (self.count,)), reason))
 
     def _refuse_limits(self) -> None:
-        """Refuse designs with numbers outside the limits of the file; the base's take their place."""
+        """Refuse designs with numbers outside the limits of the file.
+
+        The base's take their place.
+        """
         for path, value in _numbers_in(self.mechanism):
             if isinstance(value, Evaluated) and self._varies(value):
                 found = value_of(value.text, self._parameters)

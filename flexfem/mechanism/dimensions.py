@@ -21,7 +21,10 @@ CLEARANCE = 1.5  # that a label needs, in heights of the text
 
 
 class Span(NamedTuple):
-    """A length between two points (complex, mm); its dimension line lies `away` mm to their left."""
+    """A length between two points (complex, mm).
+
+    Its dimension line lies `away` mm to their left.
+    """
 
     name: str
     start: complex

@@ -16,13 +16,8 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.profile import Profile
 
-NUMBERS = (
-    "stiffness",
-    "preload",
-    "blocking_force",
-    "lowest",
-    "highest",
-)  # fields with a leading axis of designs
+# fields with a leading axis of designs
+NUMBERS = ("stiffness", "preload", "blocking_force", "lowest", "highest")
 PointOrPoints = TypeVar("PointOrPoints", complex, AnyArray)
 
 

@@ -195,7 +195,10 @@ class Mechanism(FileContent):
         return DrawingFacts()
 
     def with_mounting_holes(self, diameter: float) -> Layout:
-        """Return the layout with mounting holes, mm. Raises BadInput where the file states holes."""
+        """Return the layout with mounting holes, mm.
+
+        Raises BadInput where the file states holes.
+        """
         raise BadInput(
             f"mounting holes of {diameter:g} mm: expected a stage file; a mechanism states holes "
             "of bodies"

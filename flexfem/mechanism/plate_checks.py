@@ -128,9 +128,8 @@ def _too_narrow(body: Body, what: str, where: str, narrow: _Narrow, least: float
     x = narrow.place.x + 0.0
     y = narrow.place.y + 0.0  # not -0
     near = f"{where} near ({x:.6g}, {y:.6g}) mm".lstrip()
-    return BadInput(
-        f"{key_of_part(body)}: {what} {narrow.width:.3g} mm wide {near}, expected at least {least:.3g} mm"
-    )
+    found = f"{what} {narrow.width:.3g} mm wide {near}"
+    return BadInput(f"{key_of_part(body)}: {found}, expected at least {least:.3g} mm")
 
 
 def _narrow_place(face: Any, least: float) -> _Narrow | None:

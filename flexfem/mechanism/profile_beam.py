@@ -115,17 +115,13 @@ class ProfileBeam(ProfileShape):
         height = self.height(x)
         axial = weights / height
         bending = 12 * weights / height**3
-        moment = np.stack(
-            [self.middle(x), -x, np.ones_like(x)], axis=-1
-        )  # in the section, of unit loads
-        parts = (
-            moment[:, :, None] * moment[:, None] * bending[:, None, None]
-        )  # of the integrals of `compliance`
+        # moments in the section by unit loads, and the integrands of `compliance`
+        moment = np.stack([self.middle(x), -x, np.ones_like(x)], axis=-1)
+        parts = moment[:, :, None] * moment[:, None] * bending[:, None, None]
         parts[:, 0, 0] += axial
         parts[:, 1, 1] += SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
-        return np.asarray(
-            (np.cumsum(parts, axis=0) - parts / 2) @ np.linalg.inv(np.sum(parts, axis=0))
-        )
+        before = np.cumsum(parts, axis=0) - parts / 2
+        return np.asarray(before @ np.linalg.inv(np.sum(parts, axis=0)))
 
     @cached_property
     def quadrature(self) -> tuple[Array, Array]:

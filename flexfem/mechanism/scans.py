@@ -81,7 +81,10 @@ def scanned_rows(path: PathLike) -> list[list[float]]:
 
 
 def _points_of_edges(path: PathLike) -> dict[str, list[tuple[float, float]]]:
-    """Return the points x, y of both edges. Raises BadInput for other columns, or too few points."""
+    """Return the points x, y of both edges.
+
+    Raises BadInput for other columns, or too few points.
+    """
     points: dict[str, list[tuple[float, float]]] = {edge: [] for edge in EDGES}
     for line, row in read_csv(path, ("edge", "x_mm", "y_mm")).items():
         try:

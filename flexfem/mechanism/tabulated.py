@@ -125,9 +125,8 @@ class Tabulated(Profile):
         return self._smooth_curve(self._middles)
 
     def _smooth_curve(self, values: Array) -> Any:
-        from scipy.interpolate import (
-            PchipInterpolator,
-        )  # takes a fifth of a second to import, for tables alone
+        # takes a fifth of a second to import, for tables alone
+        from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(self._rows[0], values)
 

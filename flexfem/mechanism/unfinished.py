@@ -55,9 +55,8 @@ class _Reading:
         for key in STAND_INS:
             if key not in self.data:
                 self.stand_in(key, f"{key} is missing")
-        with suppress(
-            BadInput
-        ):  # a file of materials that cannot be read is a fault of the material
+        # a file of materials that cannot be read is a fault of the material
+        with suppress(BadInput):
             self.data = with_material_of_file(path, self.data)
 
     def stand_in(self, key: str, text: str) -> None:

@@ -15,10 +15,8 @@ from flexfem.files.refusals import refusal
 from flexfem.files.tables import one_form
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF, RatedActuator
 
-STEEL = (
-    206e3,
-    0.3,
-)  # bearing steel, E in MPa and Poisson's ratio: assumed for balls and ends of stacks
+# bearing steel, E in MPa and Poisson's ratio: assumed for balls and ends of stacks
+STEEL = (206e3, 0.3)
 
 Body: TypeAlias = Literal["frame", "link 1", "link 2", "platform"]
 HingeName: TypeAlias = Literal["base", "elbow", "platform"]

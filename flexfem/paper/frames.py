@@ -1,4 +1,7 @@
-"""Frames of the hinges of a stage at rest, and rotations of its chains; leading axes are designs."""
+"""Frames of the hinges of a stage at rest, and rotations of its chains.
+
+Leading axes are designs.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import numpy as np
 
 from flexfem.arrays import Array, direction, rotation, turned
 
+OPPOSITE = 1e-9  # cosine of two directions at a right angle, which round-off may make negative
 CHAIN_TURN = 2.0 * np.pi / 3.0  # rad, from a chain to the next
 
 
@@ -40,13 +44,12 @@ def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) 
     outward = direction(heading)
     links = np.asarray(link_lengths, dtype=float)[..., None] * outward
     centres = -np.flip(np.cumsum(np.flip(links, axis=-2), axis=-2), axis=-2)  # (19), (20)
-    outward[..., 1:, :] += direction(
-        heading[..., :-1]
-    )  # sum of the directions of both links at a hinge
+    # sum of the directions of both links at a hinge
+    outward[..., 1:, :] += direction(heading[..., :-1])
     default = heading[..., None, [0, 0, 1]]
     given = np.full(3, np.nan) if axes is None else np.asarray(axes, dtype=float)
     axis = np.where(np.isnan(given), default, given) + np.zeros((3, 3))
-    backwards = np.sum(direction(axis) * outward[..., None, :, :], axis=-1) < -1e-9
+    backwards = np.sum(direction(axis) * outward[..., None, :, :], axis=-1) < -OPPOSITE
     turns = CHAIN_TURN * np.arange(3.0)
     axis = axis + np.where(backwards, np.pi, 0.0) + turns[:, None]
     return Frames(turned(centres[..., None, :, :], turns[:, None]), axis)

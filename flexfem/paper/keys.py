@@ -47,7 +47,10 @@ class StageKey(Key):
 
     @property
     def address(self) -> tuple[Any, ...]:
-        """Names of the enclosing tables as `replace` takes them; an override is named by a tuple."""
+        """Names of the enclosing tables as `replace` takes them.
+
+        An override is named by a tuple.
+        """
         if self.table[:1] == ("override",):
             return "override", (int(self.table[1]), *self.table[2:])
         return self.table

@@ -190,9 +190,8 @@ class Stage(StageContent):
         """SHA-256 of the physical content, overrides applied; names, provenance, drive and
         expansion are excluded.
         """
-        old = (
-            {"model"} if self.model == "plane_stress" else set()
-        )  # keeps hashes that are older than the key
+        # keeps hashes that are older than the key
+        old = {"model"} if self.model == "plane_stress" else set[str]()
         hinges = [[hinge.model_dump() for hinge in chain] for chain in hinges_of(self)]
         return self._digest({"override", "actuator", *old}, {"hinges": hinges})
 
