@@ -1,4 +1,4 @@
-"""Models of stages and mechanisms, with bands, and the errors of the analytic ones of mechanisms.
+"""Models of mechanisms, with bands, and the errors of the analytic ones.
 
 Numbers follow from the motions of the ports and from the stress in the hinges, by the analytic
 network with rigid bodies, the network of elastic parts, and finite elements."""
@@ -66,7 +66,6 @@ from flexfem.results import (
 )
 
 PART_RESOLUTION = 4  # of the finite elements of single parts
-ROUND_OFF = 1e-9
 MOST_CORNERS = 6  # of a body that a warning lists
 BY_ELEMENTS = "stiffness or converge, by finite elements alone"
 PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
@@ -82,36 +81,26 @@ PEAKS = (
     "point_stress",
     "strain",
 )
-PLACES = (
-    "body_x",
-    "body_y",
-    "yield_x",
-    "yield_y",
-    "strain_x",
-    "strain_y",
-)  # of highest stresses, which change from mesh to mesh
-# Possible errors of `Thickness`, measured on whole plates in three dimensions
-# (`benchmarks/thickness.py`)
-# of the difference between ends of hinges that keep their thickness and that contract freely
+# of highest stresses, which change from mesh to mesh
+PLACES = ("body_x", "body_y", "yield_x", "yield_y", "strain_x", "strain_y")
+# Possible errors of `thickness_of`, measured on whole plates in three dimensions
+# (`benchmarks/thickness.py`): shares
+# of the difference between ends of hinges that keep their thickness and that contract freely,
 OF_CONTRACTION = 0.3
 OF_PLANE_STRAIN = 0.15  # of the change of bodies from plane stress to plane strain
-OF_CONSTRAINT = (
-    0.3  # of the change of the von Mises stress of a free edge from plane stress to plane strain
-)
+# of the change of the von Mises stress of a free edge from plane stress to plane strain,
+OF_CONSTRAINT = 0.3
 OF_THE_RATIO = 0.2  # of the change of the stress in hinges
 ORDER_OF_LAYERS = 2  # least order of convergence with the number of layers
-SLENDER_BODIES = (
-    0.4  # share of bodies in a compliance above which the whole plate is solved in three dimensions
-)
+# share of bodies in a compliance above which the whole plate is solved in three dimensions
+SLENDER_BODIES = 0.4
 WHOLE_LAYERS = 3
-WHOLE_RESOLUTION = 4
 LIFTED_RESOLUTION = 2  # triangles across every neck, for motion out of the plane
 LIFTED_LAYERS = (1, 2)  # in half the thickness
-LIFTED_MESH = (
-    2e-3  # of a frequency out of the plane, by this resolution: at most 0.15 % of plates from THIN
-)
-# necks; the error grows in thinner plates, to 1.1 % at half a neck
-# (`benchmarks/numbers_in_the_part.py`)
+# Possible error of a frequency out of the plane by this resolution: at most 0.15 % was found of
+# plates from THIN necks; the error grows in thinner plates, to 1.1 % at half a neck
+# (`benchmarks/numbers_in_the_part.py`).
+LIFTED_MESH = 2e-3
 THIN = 5.0
 MOST_OF_THIN = 10.0  # times `LIFTED_MESH`
 ON_MESHES = COARSER._replace(band=MAGNITUDE)
@@ -318,38 +307,37 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
     of the network of its parts when hinges have their compliance in three dimensions. Bodies are in
     plane stress. The variants have ends of hinges that contract, more layers by extrapolation,
     bodies that are partly in plane strain, and another stress."""
-    if mechanism.model != "three_dimensional" or not mechanism.layout.joints:
+    layout = mechanism.layout
+    if mechanism.model != "three_dimensional" or not layout.joints:
         return ()
     plane = parts_of(mechanism)
     assert plane.hinges is not None
-    hinges = thick_hinges(mechanism.layout, meshed(mechanism, PART_RESOLUTION))
-    held, coarser, loose = (np.array(parts) for parts in list(zip(*hinges, strict=True))[:3])
-    remaining = (held - coarser) / ((MANY_LAYERS / FEW_LAYERS) ** ORDER_OF_LAYERS - 1)
-    thickness = mechanism.layout.thickness
-    shares = contraction(
-        [thickness / joint.profile.end_height for joint in mechanism.layout.joints]
-    )
-    change = held + shares[:, None, None] * (loose - held)
-    materials = mechanism.layout.materials
-    stiffer = tuple(
-        body._replace(
-            compliance=(1 - OF_PLANE_STRAIN * materials[body.body].poissons_ratio ** 2)
-            * body.compliance
-        )
-        for body in plane.bodies
-    )
-    nu = max(material.poissons_ratio for material in materials)
-    best = Thickened(plane, plane._replace(hinges=plane.hinges + change), hinges)
+    hinges = thick_hinges(layout, meshed(mechanism, PART_RESOLUTION))
+    held = np.array([hinge.change for hinge in hinges])
+    contracting = np.array([hinge.loose for hinge in hinges]) - held
+    coarser = np.array([hinge.coarser for hinge in hinges])
+    more_layers = (held - coarser) / ((MANY_LAYERS / FEW_LAYERS) ** ORDER_OF_LAYERS - 1)
+    ends = [layout.thickness / joint.profile.end_height for joint in layout.joints]
+    solid = plane.hinges + held + contraction(ends)[:, None, None] * contracting
+    nu = max(material.poissons_ratio for material in layout.materials)
+    best = Thickened(plane, plane._replace(hinges=solid), hinges)
     return (
         best,
-        best._replace(
-            solid=plane._replace(hinges=plane.hinges + change + OF_CONTRACTION * (loose - held))
-        ),
-        best._replace(solid=plane._replace(hinges=plane.hinges + change + remaining)),
-        best._replace(solid=best.solid._replace(bodies=stiffer)),
+        best._replace(solid=plane._replace(hinges=solid + OF_CONTRACTION * contracting)),
+        best._replace(solid=plane._replace(hinges=solid + more_layers)),
+        best._replace(solid=best.solid._replace(bodies=_stiffer_bodies(layout, plane.bodies))),
         best._replace(share=1 - OF_THE_RATIO),
         best._replace(of_bodies=1 - OF_CONSTRAINT * (1 - np.sqrt(1 - nu + nu**2))),
     )
+
+
+def _stiffer_bodies(layout: Layout, bodies: Sequence[ElasticBody]) -> tuple[ElasticBody, ...]:
+    """Return bodies that are partly in plane strain."""
+    stiffer = list[ElasticBody]()
+    for body in bodies:
+        nu = layout.materials[body.body].poissons_ratio
+        stiffer.append(body._replace(compliance=(1 - OF_PLANE_STRAIN * nu**2) * body.compliance))
+    return tuple(stiffer)
 
 
 @once
@@ -358,14 +346,13 @@ def has_slender_bodies(mechanism: Mechanism) -> bool:
     for them.
     """
     layout = mechanism.layout
-    parts = parts_of(mechanism)
     if not layout.joints:
         return True
-    whole, rigid = (
-        np.diag(respond(layout, bodies, hinges=parts.hinges).compliance)[:3]
-        for bodies in (parts.bodies, ())
-    )
-    return bool(np.max(1 - rigid / whole) > SLENDER_BODIES)
+    parts = parts_of(mechanism)
+    whole = respond(layout, parts.bodies, hinges=parts.hinges).compliance
+    rigid = respond(layout, (), hinges=parts.hinges).compliance
+    shares = 1 - np.diag(rigid)[:3] / np.diag(whole)[:3]
+    return bool(np.max(shares) > SLENDER_BODIES)
 
 
 def mesh_of(
