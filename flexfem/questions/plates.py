@@ -66,6 +66,8 @@ from flexfem.results import (
 )
 
 PART_RESOLUTION = 4  # of the finite elements of single parts
+# of a stress per change of temperature, relative to the largest one: smaller ones are zero
+ROUND_OFF = 1e-9
 MOST_CORNERS = 6  # of a body that a warning lists
 BY_ELEMENTS = "stiffness or converge, by finite elements alone"
 PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
