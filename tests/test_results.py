@@ -200,38 +200,34 @@ def test_a_dataset_of_xarray_has_labels_declared_units_and_bands(found: Trial) -
 
 
 class Bent(Result):
-    """A result of both plates."""
+    """A result whose largest stress is in one of several hinges."""
 
     title = "bending"
-    stress = Quantity("stress", "mpa", ("point", "chain", "hinge"), Gate(1.5e-5), "all")
-    mass = Quantity("mass", "kg", only="stage")
-    input = Quantity("input", "n", gate=Gate(1e-9), only="mechanism")
+    stress = Quantity("stress", "mpa", ("point", "hinge"), Gate(3e-4), "all")
+    input = Quantity("input", "n", gate=Gate(1e-9))
 
 
-class MechanismBent(Bent, mechanism=True):
-    """The same of a mechanism."""
+class NamedBent(Bent):
+    """The same under another name in documents."""
+
+    kind_name = "bent_bar"
+    mass = Quantity("mass", "kg")
 
 
-def test_a_quantity_of_both_plates_has_chains_for_a_stage_and_points_and_a_wider_gate_for_a_mechanism() -> (
-    None
-):
-    assert Bent.of_mechanism is MechanismBent and [*Bent.quantities] == ["stress", "mass"]
-    assert [*MechanismBent.quantities] == ["stress", "input"] and Result.kinds[
-        "mechanism_bent"
-    ] is MechanismBent
-    of_stage = Bent(About("s"), {"stress": np.ones((3, 3))})
-    (largest,) = of_stage.tables()
-    assert largest.rows == [["stress", "1 MPa\nbase, chain 1"]]
+def test_a_subclass_adds_quantities_to_its_own_kind_alone_and_may_have_a_name_of_its_own():
+    assert [*Bent.quantities] == ["stress", "input"]
+    assert [*NamedBent.quantities] == ["stress", "input", "mass"]
+    assert Result.kinds["bent_bar"] is NamedBent
+    assert Result.kinds["bent"] is Bent
     axes = {"point": ("output", "tip"), "hinge": ("left", "right")}
-    of_mechanism = MechanismBent(
-        About("m"), {"stress": [[1.0, 2.0], [3.0, 1.0]], "input": 4.0}, axes=axes
-    )
-    assert of_mechanism.at("stress", point="tip", hinge="left") == 3.0
-    accepted = [{e.path: e for e in found.entries()} for found in (of_stage, of_mechanism)]
-    assert accepted[0]["stress.chain_1.base"].accepted == pytest.approx(1.5e-5)
-    assert accepted[1]["stress.tip.left"].accepted == pytest.approx(3e-4 * 3.0)
-    assert accepted[1]["input"].accepted == pytest.approx(4e-9)  # no mesh
-    jsonschema.validate(of_mechanism.to_dict() | {"digest": ""}, MechanismBent.schema())
+    values = {"stress": [[1.0, 2.0], [3.0, 1.0]], "input": 4.0}
+    found = NamedBent(About("m"), values, axes=axes)
+    assert found.at("stress", point="tip", hinge="left") == 3.0
+    assert found.tables()[0].rows[1] == ["tip", "3 MPa\nleft"]
+    accepted = {entry.path: entry.accepted for entry in found.entries()}
+    assert accepted["stress.tip.left"] == pytest.approx(3e-4 * 3.0)
+    assert accepted["input"] == pytest.approx(4e-9)
+    jsonschema.validate(found.to_dict() | {"digest": ""}, NamedBent.schema())
 
 
 def test_a_range_is_printed_with_both_ends() -> None:

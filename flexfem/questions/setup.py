@@ -170,7 +170,7 @@ def kind_of_answer(asked: Callable[..., Any], mechanism: Mechanism) -> type[Resu
         return cast(type[Result], kind)
     if get_args(kind):  # one of a stage, and one of others
         return cast(type[Result], get_args(kind)[isinstance(mechanism, MechanismFile)])
-    return kind_of(kind, mechanism)
+    return kind
 
 
 def check_word(name: str, value: Any, hint: Any) -> None:
@@ -439,11 +439,6 @@ def stack_models(
     return stacked
 
 
-def kind_of(kind: type[Kind], subject: Mechanism | About) -> type[Kind]:
-    """Return a kind of result, or its form for mechanisms."""
-    return cast(type[Kind], kind.of_mechanism) if isinstance(subject, MechanismFile) else kind
-
-
 def result_of(
     kind: type[Kind],
     subject: About,
@@ -480,7 +475,6 @@ def answer(
 
     It has the axes hinge, body, point and actuator of the mechanism, and the warnings and notes
     that apply to every question."""
-    kind = kind_of(kind, subject)
     if isinstance(subject, About):
         return result_of(kind, subject, models, mesh, settings, values, axes, bands, **others)
     of = about(subject)

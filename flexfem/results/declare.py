@@ -8,7 +8,7 @@ result keeps these numbers apart, as `internal`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, overload
@@ -70,8 +70,7 @@ class Quantity:
         Key of `units.UNITS`, "" for a pure number; a tuple by label of the axis "direction", or
         without it of the last axis; a matrix for the last two axes; or a key of `BY_DIRECTION`.
     over : tuple of str
-        Axes of the array; of a result for both plates, a stage has no point, and a mechanism no
-        chain.
+        Axes of the array.
     gate : Gate
         The change that `regression` accepts.
     scale : str
@@ -86,11 +85,6 @@ class Quantity:
         Whether tables include it; JSON always does.
     note : str
         An explanation that is printed below the tables.
-    only : str
-        The plates that have it, by default both; the others have no such key.
-    uneven : Gate, optional
-        The gate of a mechanism, by default that of the coarser meshes, without symmetry, of the
-        same number.
     repeated : bool
         Whether another quantity of the result has the same numbers; `regression` does not compare
         them again.
@@ -106,8 +100,6 @@ class Quantity:
     beside: str = ""
     shown: bool = True
     note: str = ""
-    only: Literal["", "stage", "mechanism"] = ""
-    uneven: Gate | None = None
     repeated: bool = False
     compared: bool = True
     name: str = field(default="", init=False)
@@ -115,18 +107,6 @@ class Quantity:
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "unit", BY_DIRECTION.get(self.unit, self.unit))
-
-    def of(self, mechanism: bool) -> Quantity:
-        """Return the declaration for a mechanism or for a stage, of a result that has both kinds."""
-        gate = self.gate
-        absent = "chain" if mechanism else "point"
-        if mechanism and (self.uneven or gate.relative >= FRESH.relative):
-            relative = max(gate.relative, COARSER.relative)
-            gate = self.uneven or Gate(relative, MAGNITUDE, gate.absolute)
-        over = tuple(axis for axis in self.over if axis != absent)
-        found = replace(self, over=over, gate=gate)
-        object.__setattr__(found, "name", self.name)
-        return found
 
     @overload
     def __get__(self, instance: None, owner: type) -> Quantity: ...

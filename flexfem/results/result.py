@@ -38,9 +38,6 @@ class Result(Declared):
     tables and study columns. Tables may add an SI prefix to lengths and angles. Only `internal` is
     in other units.
 
-    A kind of result of stages may have a subclass for mechanisms, which is declared with
-    `mechanism=True` and inherits the quantities.
-
     Parameters
     ----------
     about : About
@@ -70,23 +67,15 @@ class Result(Declared):
     """
 
     kinds: ClassVar[dict[str, type[Result]]] = {}
-    of_mechanism: ClassVar[type[Result]]
 
-    def __init_subclass__(cls, mechanism: bool = False) -> None:
+    def __init_subclass__(cls) -> None:
         attributes = dict[str, Any]()
         for base in reversed(cls.__mro__):
             attributes |= vars(base)
         cls.quantities = {
             name: value for name, value in attributes.items() if isinstance(value, Quantity)
         }
-        cls.of_mechanism = cls
         Result.kinds[cls.kind()] = cls
-        if mechanism:
-            of_stage: Any = cls.__mro__[1]
-            of_stage.of_mechanism = cls
-            for kind, other in ((of_stage, "mechanism"), (cls, "stage")):
-                kept = {name: one for name, one in kind.quantities.items() if one.only != other}
-                kind.quantities = {name: one.of(kind is cls) for name, one in kept.items()}
 
     def __init__(self, *args: Any, **named: Any) -> None:
         super().__init__(*args, **named)
