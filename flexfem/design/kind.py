@@ -94,6 +94,7 @@ class DesignKind:
                 f"model and finite elements differed by {100 * first_gap:.3g} % in the first "
                 "round: designs in other parts of the ranges may be better"
             )
+        warnings += self.loaded.family.left_out
         return [*warnings, *self._by_linear_theory(values), *sharp_roots(self.loaded.base.layout)]
 
     def _by_linear_theory(self, values: Array) -> list[str]:

@@ -14,6 +14,7 @@ from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import KeyPath, shown
 from flexfem.mechanism.keys import PARAMETERS, Key, keys
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.questions.setup import WITHOUT_PRELOAD
 from flexfem.questions.stiffness import LIMITS
 from flexfem.refused import BadInput
 from flexfem.study import arrays
@@ -28,6 +29,7 @@ from flexfem.units import without_unit
 # model
 MESHED = {"fe": 4, "verify": 4, "three_dimensional": 2}
 ASKED = 32
+PRELOADED = ("modes", "stiffness")  # questions whose results contain residual stress and preloads
 MODELS = {"analytic": "analytic", "verify": "both"}  # of questions; others are finite elements
 
 
@@ -275,7 +277,16 @@ class Family:
 
     def flags(self, values: Array, rows: Rows) -> list[Flag]:
         """Return warnings about the results of designs (n, columns)."""
-        return []
+        everywhere = np.ones(len(values), dtype=bool)
+        return [Flag(text, everywhere) for text in self.left_out]
+
+    @property
+    def left_out(self) -> list[str]:
+        """Warnings that numbers leave out what the file of the base states."""
+        questions = {path.partition(".")[0] for path in self.study.ask}
+        layout = self.base.layout
+        stated = bool(layout.residual_stress) or bool(np.any(layout.preload))
+        return [WITHOUT_PRELOAD] if stated and questions - {*PRELOADED} else []
 
     # effects of factors
 

@@ -4,6 +4,8 @@ depends on.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -179,3 +181,20 @@ to = 0.6
     np.testing.assert_array_equal(
         answer(load_study(tmp_path / "rest.toml"), 0, 2).values, found["rest"]
     )
+
+
+def test_numbers_without_the_residual_stress_of_the_base_say_so(tmp_path: Path) -> None:
+    base = flexfem.load(Path(__file__).parents[2] / "geometry" / "parallelogram.toml")
+    base.replace(material={"residual_stress": 5.0}).save(tmp_path / "base.toml")
+    path = tmp_path / "study.toml"
+    for ask, said in (
+        ("drift.pose.uniform.output.analytic.x", "without the residual stress"),
+        ("stiffness.free.analytic.x", ""),
+    ):
+        path.write_text(
+            f'name = "tried"\nstage = "base.toml"\nmodel = "analytic"\nask = ["{ask}"]\n'
+            '[sampling]\nmethod = "grid"\n[[factor]]\nkey = "parameters.neck_mm"\nvalues = [0.5]\n'
+        )
+        rows = answer(load_study(path), 0, 1)
+        assert rows.status.tolist() == ["ok"]
+        assert said in rows.reason[0] if said else rows.reason[0] == ""
