@@ -96,12 +96,9 @@ def path_of(text: str, data: Any = None) -> KeyPath:
 
 
 def _about(array: str, member: Any) -> tuple[str, ...]:
-    """Return the values that identify a member of an array, none unless they are plain numbers and
-    words.
-    """
-    values = tuple(
-        value for key in ABOUT.get(array, ()) if (value := _inside(member, key)) is not None
-    )
+    """Return the values that identify a member of an array, if they are plain numbers and words."""
+    stated = (_inside(member, key) for key in ABOUT.get(array, ()))
+    values = tuple(value for value in stated if value is not None)
     if array == "override" and len(values) == 1:
         values = (values[0], "actuator", _inside(member, "actuator"))
     plain = all(

@@ -84,9 +84,7 @@ class TomlFile:
 
     @cached_property
     def places(self) -> dict[KeyPath, tuple[int, int]]:
-        """Line, from 1, of the statement that contains each key path, and the rank of the path in
-        the file.
-        """
+        """Line, from 1, of the statement that contains each key path, and rank of the path."""
         found = dict[KeyPath, tuple[int, int]]()
         counts = Counter[KeyPath]()
         line = 1
@@ -95,23 +93,11 @@ class TomlFile:
             statement = self.text[start:end]
             content: Any = tomllib.loads(statement)
             if statement.lstrip().startswith("["):
-                table = ()
-                while content:
-                    if isinstance(content, list):
-                        counts[table] += 1
-                        table = (*table, counts[table] - 1)
-                        content = content[0]
-                        break
-                    part, content = next(iter(content.items()))
-                    table = (*table, part)
-                    if isinstance(content, dict) and counts[table]:  # in the last table of an array
-                        found.setdefault(table, (line, len(found)))
-                        table = (*table, counts[table] - 1)
-                    found.setdefault(table, (line, len(found)))
-                found[table] = (
-                    line,
-                    len(found),
-                )  # a better line than that of [table.below] before it
+                *above, table = _tables_of_header(content, counts)
+                for path in above:
+                    found.setdefault(path, (line, len(found)))
+                # a better line than that of [table.below] before it
+                found[table] = (line, len(found))
             else:
                 for path in paths_in(content, table):
                     found.setdefault(path, (line, len(found)))
@@ -126,6 +112,27 @@ class TomlFile:
     def line(self, path: KeyPath) -> int | None:
         """Return the line of a path, or of its nearest existing table, or None."""
         return self.place(path)[0] or None
+
+
+def _tables_of_header(content: Any, counts: Counter[KeyPath]) -> list[KeyPath]:
+    """Return the paths of the tables in a header, the outermost first.
+
+    content : of the header alone.   counts : of the members of each array so far; one is added for
+    the header of an array.
+    """
+    paths = list[KeyPath]()
+    table = KeyPath()
+    while content:
+        if isinstance(content, list):
+            counts[table] += 1
+            return [*paths, (*table, counts[table] - 1)]
+        part, content = next(iter(content.items()))
+        table = (*table, part)
+        paths.append(table)
+        if isinstance(content, dict) and counts[table]:  # in the last table of an array
+            table = (*table, counts[table] - 1)
+            paths.append(table)
+    return paths
 
 
 def in_mm(key: Any) -> Any:

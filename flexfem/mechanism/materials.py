@@ -105,7 +105,8 @@ class Material(Table):
             data = {"name": data}
         if not isinstance(data, dict):
             return data
-        if (known := _known(data.get("name"))) is not None:
+        known = _known(data.get("name"))
+        if known is not None:
             return known.numbers(by_alias=info.context != INSIDE) | data
         stated = {key for key in data if not key.startswith("expansion")}
         if stated == {"name"} and isinstance(data["name"], str):
@@ -373,8 +374,7 @@ def _named(data: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any]:
-    """Return the content of the stage file at `path` with the numbers of a material that it takes
-    from another file.
+    """Return the content of a file with the numbers of a material that it takes from another file.
 
     Raises BadInput as `read_materials`, and when the file has no material of that name.
     """
@@ -386,18 +386,14 @@ def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any
     name = table.get("name")
     at = ("material", "file")
     if set(table) != {"name", "file"} or not isinstance(file, str) or not isinstance(name, str):
-        raise bad_key(
-            path,
-            at,
-            f"material.file = {shown(file)}, expected a file name, and no other key but name",
-        )
+        expected = "expected a file name, and no other key but name"
+        raise bad_key(path, at, f"material.file = {shown(file)}, {expected}")
     source = Path(path).parent / file
     available = read_materials(source)
     if name not in available:
         names = ", ".join(available) or "one material or more"
-        raise bad_key(
-            path, at, f"material.name = {shown(name)}, expected one of {place_of(source)}: {names}"
-        )
+        expected = f"expected one of {place_of(source)}: {names}"
+        raise bad_key(path, at, f"material.name = {shown(name)}, {expected}")
     sources = {key: f"{text}, {file}" for key, text in available[name].provenance.items()}
     return data | {
         "material": available[name].numbers(by_alias=True),
