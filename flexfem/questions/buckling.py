@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,11 +17,16 @@ from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, plate_model
 from flexfem.fem.prestress import critical_shapes, lifted, prestress_by
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.paper.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions.bands import SAFETY
 from flexfem.questions.loads import AtPoints, held_ports, required_load
-from flexfem.questions.plates import LIFTED_LAYERS, LIFTED_RESOLUTION, Values, lifted_mesh_error
+from flexfem.questions.plates import (
+    LIFTED_LAYERS,
+    LIFTED_RESOLUTION,
+    Thickened,
+    Values,
+    lifted_mesh_error,
+)
 from flexfem.questions.setup import MeshFields, ModelAnswer, Models
 from flexfem.results import ANALYTIC, COARSER, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -31,6 +36,12 @@ AT_REST = (
     "the load factor multiplies the whole load; displacements before buckling are neglected, as "
     "by Euler: a mechanism that moves far under the load, or that bends more and more, has its "
     "limit in `large`"
+)
+NOT_IN_PLANE = (
+    "no buckling in the plane under a positive multiple of this load before strains are large"
+)
+OUT_OF_PLANE_FIRST = (
+    "it buckles first out of the plane: `factor_out_of_plane` is the lowest load factor"
 )
 BEAMS_ONLY = "the analytic model has rigid bodies and hinges as beams"
 
@@ -52,7 +63,7 @@ class Buckling(Result):
 
 @setup.options(only_for="plane")
 def buckling(
-    stage: Mechanism,
+    mechanism: Mechanism,
     *,
     force: tuple[float, float, float] | None = None,
     force_at: AtPoints | None = None,
@@ -65,7 +76,7 @@ def buckling(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Buckling:
-    """Load factors at which a stage or mechanism buckles under a stated load.
+    """Load factors at which a mechanism buckles under a stated load.
 
     Parameters
     ----------
@@ -114,85 +125,111 @@ def buckling(
     >>> round(float(found.factor[0, 0]), 4)
     0.6013
     """
-    layout = stage.layout
-    stated = required_load(layout, force, force_at)
+    stated = required_load(mechanism.layout, force, force_at)
     count = arguments.integer("count", count, MOST)
     held = held_ports(hold)
-    mesh = plates.mesh_of(
-        stage, models, resolution, setup.elements_through(solid, thickness_resolution)
-    )
-    shapes = list[MeshFields]()
-
-    def of_beams(hinges: Array | None) -> Array:
-        return load_factors(FinitePlate(layout, hinges), stated.on_ports, held, count)
+    layers = setup.elements_through(solid, thickness_resolution)
+    mesh = plates.mesh_of(mechanism, models, resolution, layers)
+    loaded = Compressed(mechanism, stated.on_ports, held, count)
+    shapes = list[MeshFields]()  # of the last, which is the finest mesh
 
     @cache
     def by_mesh(resolution: int, layers: int) -> Array:
-        model = _factorised(stage, resolution, layers)
-        found = critical_shapes(model, prestress_by(model, stated.on_ports, held), held, count)
+        model = _factorised(mechanism, resolution, layers)
+        change = prestress_by(model, loaded.load, held)
+        found = critical_shapes(model, change, held, count)
         shapes.append(_fields(model, found.shapes))
         return _all_of(found.factors, count)
 
-    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
+    def by_elements(resolution: int, layers: int, thick: Thickened | None = None) -> Values:
         factors = by_mesh(resolution, layers)
-        if thick is not None:
-            ratios = of_beams(thick.solid.hinges) / of_beams(thick.plane.hinges)
-            factors = factors * np.where(np.isfinite(ratios), ratios, 1.0)
-        return {"factor": factors}
+        return {"factor": factors if thick is None else factors * _ratios(loaded, thick)}
 
     found = dict[str, ModelAnswer]()
-    if models != "elements" and layout.joints:
-        factors = of_beams(None)
+    if models != "elements" and mechanism.layout.joints:
+        factors = _by_beams(loaded, None)
         found[ANALYTIC] = ModelAnswer({"factor": np.where(np.isfinite(factors), factors, np.nan)})
     if mesh is not None:
-        thickness = () if mesh.layers or isinstance(stage, Stage) else plates.thickness_of(stage)
-        found |= plates.by_elements(mesh, of_size, progress, thickness=thickness)
-    *_, last = found.values()
-    first = last.values["factor"][0]
-    values = {"load": stated.at_points, "critical": first * stated.at_points}
-    bands = dict[str, Any]()
-    if "factor" in last.bands:
-        bands["critical"] = last.bands["factor"][0] * np.abs(stated.at_points)
-    warnings = list[str]()
-    if np.isnan(first):
-        text = (
-            "no buckling in the plane under a positive multiple of this load before strains are "
-            "large"
-        )
-        warnings.append(text)
-    if mesh is not None and stage.model == "three_dimensional":
-        values["factor_out_of_plane"], bands["factor_out_of_plane"] = _out_of_plane(
-            stage, stated.on_ports, held
-        )
-        if values["factor_out_of_plane"] < np.nan_to_num(first, nan=np.inf):
-            warnings.append(
-                "it buckles first out of the plane: `factor_out_of_plane` is the lowest load factor"
-            )
-    settings = {"output held in": ", ".join(DIRECTIONS[port] for port in held) or None}
+        thickness = () if mesh.layers else plates.thickness_of(mechanism)
+        found |= plates.by_elements(mesh, by_elements, progress, thickness=thickness)
+    first = _first(list(found.values())[-1], stated.at_points)
+    if mesh is not None and mechanism.model == "three_dimensional":
+        first = _with_out_of_plane(first, loaded)
     axes = {
         "factor": [str(number + 1) for number in range(count)],
-        "point": [name for name, _ in layout.points],
+        "point": [name for name, _ in mechanism.layout.points],
     }
-    fields = shapes[-1] if shapes else None
     return setup.answer(
         Buckling,
-        stage,
+        mechanism,
         found,
         mesh,
-        settings,
-        values,
+        {"output held in": ", ".join(DIRECTIONS[port] for port in held) or None},
+        {"load": stated.at_points, **first.values},
         axes,
-        bands=bands,
-        warnings=warnings,
-        fields=fields,
+        bands=first.bands,
+        warnings=first.warnings,
+        fields=shapes[-1] if shapes else None,
     )
 
 
-def _factorised(stage: Mechanism, resolution: int, layers: int) -> PlateModel:
-    """Factorise the finite elements of a plate, of a stage as of any other mechanism."""
-    return plate_model(
-        stage.layout, mesh_layout(stage.layout, resolution), plates.layers_of(stage, layers)
+class Compressed(NamedTuple):
+    """A mechanism under a load (k,) on its ports, with held ports, and the number of load factors."""
+
+    mechanism: Mechanism
+    load: Array
+    held: tuple[int, ...]
+    count: int
+
+
+class First(NamedTuple):
+    """Values and bands of the first buckling by quantity, its load factor, and warnings."""
+
+    factor: float
+    values: dict[str, Any]
+    bands: dict[str, Any]
+    warnings: list[str]
+
+
+def _by_beams(loaded: Compressed, hinges: Array | None) -> Array:
+    """Return load factors (count,) with rigid bodies and hinges as beams of compliances (h, 3, 3)."""
+    plate = FinitePlate(loaded.mechanism.layout, hinges)
+    return load_factors(plate, loaded.load, loaded.held, loaded.count)
+
+
+def _ratios(loaded: Compressed, thick: Thickened) -> Array:
+    """Return the ratios of load factors with hinges in three dimensions to those in plane stress."""
+    ratios = _by_beams(loaded, thick.solid.hinges) / _by_beams(loaded, thick.plane.hinges)
+    return np.where(np.isfinite(ratios), ratios, 1.0)
+
+
+def _first(last: ModelAnswer, at_points: Array) -> First:
+    """Return the loads (points, 3) at which a mechanism buckles first in the plane."""
+    factor = float(last.values["factor"][0])
+    bands = dict[str, Any]()
+    if "factor" in last.bands:
+        bands["critical"] = last.bands["factor"][0] * np.abs(at_points)
+    warnings = [NOT_IN_PLANE] if np.isnan(factor) else []
+    return First(factor, {"critical": factor * at_points}, bands, warnings)
+
+
+def _with_out_of_plane(first: First, loaded: Compressed) -> First:
+    """Return the first buckling with the load factor out of the plane."""
+    name = "factor_out_of_plane"
+    factor, band = _out_of_plane(loaded)
+    warnings = list(first.warnings)
+    if factor < np.nan_to_num(first.factor, nan=np.inf):
+        warnings.append(OUT_OF_PLANE_FIRST)
+    return First(
+        first.factor, {**first.values, name: factor}, {**first.bands, name: band}, warnings
     )
+
+
+def _factorised(mechanism: Mechanism, resolution: int, layers: int) -> PlateModel:
+    """Factorise the finite elements of a mechanism; they are not kept."""
+    layout = mechanism.layout
+    mesh = mesh_layout(layout, resolution)
+    return plate_model(layout, mesh, plates.layers_of(mechanism, layers))
 
 
 def _all_of(factors: Array, count: int) -> Array:
@@ -213,21 +250,24 @@ def _fields(model: PlateModel, shapes: Array) -> MeshFields:
             for number, field in enumerate(fields, start=1)
         }
 
-    return MeshFields(structure.mesh, made, structure.layers.heights if structure.layers else None)
+    heights = structure.layers.heights if structure.layers else None
+    return MeshFields(structure.mesh, made, heights)
 
 
-def _out_of_plane(stage: Mechanism, load: Array, held: tuple[int, ...]) -> tuple[float, float]:
+def _out_of_plane(loaded: Compressed) -> tuple[float, float]:
     """Return the least load factor out of the plane, in which the held directions do not take part,
     and its band.
     """
-    mesh = mesh_layout(stage.layout, LIFTED_RESOLUTION)
+    mechanism, load, held, _ = loaded
+    layout = mechanism.layout
+    mesh = mesh_layout(layout, LIFTED_RESOLUTION)
     found = list[float]()
     for number in LIFTED_LAYERS:
-        layers = plates.layers_of(stage, number)
+        layers = plates.layers_of(mechanism, number)
         assert layers is not None
-        change = prestress_by(plate_model(stage.layout, mesh, layers), load, held)
-        model = plate_model(stage.layout, mesh, layers.antisymmetric)
+        change = prestress_by(plate_model(layout, mesh, layers), load, held)
+        model = plate_model(layout, mesh, layers.antisymmetric)
         factors = critical_shapes(model, lifted(change, model, load), (), 1).factors
         found.append(float(_all_of(factors, 1)[0]))
     few, many = found
-    return many, SAFETY * abs(many - few) + 2 * lifted_mesh_error(stage.layout) * abs(many)
+    return many, SAFETY * abs(many - few) + 2 * lifted_mesh_error(layout) * abs(many)

@@ -5,7 +5,8 @@ strain and stress.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from functools import partial
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import shapely
@@ -16,11 +17,10 @@ from flexfem.fem.sections import hinge_wrenches, part_strains, section_wrench
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import extent, plate_polygon
-from flexfem.paper.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions.bands import levels
 from flexfem.questions.loads import AtPoints, required_load
-from flexfem.questions.plates import Values
+from flexfem.questions.plates import ElasticParts, Thickened, Values
 from flexfem.questions.setup import Models
 from flexfem.refused import BadInput, printed
 from flexfem.results import COARSER, STRESS, Gate, Progress, Quantity, Result
@@ -66,7 +66,7 @@ class Forces(Result):
 
 @setup.question
 def forces(
-    stage: Mechanism,
+    mechanism: Mechanism,
     *,
     force: tuple[float, float, float] | None = None,
     force_at: AtPoints | None = None,
@@ -125,75 +125,107 @@ def forces(
     >>> round(float(found.at("force", section="leaf", model="analytic", resultant="axial")), 6)  # N
     5.0
     """
-    if isinstance(stage, Stage):
-        raise BadInput(
-            f"{stage.origin}: forces is for a mechanism, expected one; stiffness has the stress "
-            "of necks"
-        )
-    layout = stage.layout
+    layout = mechanism.layout
     stated = required_load(layout, force, force_at)
-    load = stated.on_ports
     ends = [_ends(layout, one) for one in _listed(section)]
     if ends and models == "analytic":
         raise BadInput("section with models 'analytic', expected models with finite elements")
-    mesh = plates.mesh_of(
-        stage, models, resolution, setup.elements_through(solid, thickness_resolution)
-    )
+    layers = setup.elements_through(solid, thickness_resolution)
+    mesh = plates.mesh_of(mechanism, models, resolution, layers)
+    loaded = Loaded(mechanism, stated.on_ports, ends)
 
-    def wrenches_of(parts: plates.ElasticParts) -> Array:
-        return respond(layout, parts.bodies, hinges=parts.hinges).wrenches @ load
+    def by_network(elastic: bool) -> Values:
+        return _by_network(loaded, elastic)
 
-    def of_network(elastic: bool) -> Values:
-        wrenches = wrenches_of(plates.joined_parts(stage, elastic))
-        stress = plates.stress_by(stage, wrenches, elastic)
-        return {"force": wrenches, "stress": stress}
+    def by_elements(resolution: int, layers: int, thick: Thickened | None = None) -> Values:
+        return _by_mesh(loaded, resolution, layers, thick)
 
-    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
-        response = plates.solved(stage, resolution, layers)
-        field = np.tensordot(load, response.nodal, axes=1)
-        wrenches = hinge_wrenches(response, layout, field)
-        through = [section_wrench(response, field, *pair) for pair in ends]
-        strains = part_strains(response, layout, load)
-        highest = strains.highest
-        if thick is not None:
-            wrenches = wrenches + thick.change(wrenches_of)
-            of_parts = [
-                thick.strain_ratios(wrenches),
-                np.full(len(response.bodies), thick.of_bodies),
-            ]
-            highest = highest * np.concatenate(of_parts)
-        by_loads = plates.elements(stage, resolution, layers, thick)
-        assert by_loads.bodies is not None
-        return {
-            "force": np.concatenate([wrenches, np.reshape(through, (-1, 3))]),
-            "strain": 100 * highest,
-            "strain_x": strains.place[:, 0],
-            "strain_y": strains.place[:, 1],
-            "stress": np.concatenate([by_loads.stress(load), by_loads.bodies(load).highest]),
-        }
-
-    found = plates.by_models(stage, mesh, models, of_network, of_size, progress)
-    names = [joint.name for joint in layout.joints]
-    axes = {
-        "section": [*names, *(_named(pair) for pair in ends)],
-        "part": [*names, *(body.name for body in layout.bodies if not body.fixed)],
-        "point": [name for name, _ in layout.points],
-    }
+    found = plates.by_models(mechanism, mesh, models, by_network, by_elements, progress)
     warnings = list[str]()
     if mesh is not None:
-        warnings += plates.left_out_corners(
-            layout, plates.meshed(stage, levels(mesh.resolution)[0])
-        )
+        coarsest = plates.meshed(mechanism, levels(mesh.resolution)[0])
+        warnings += plates.left_out_corners(layout, coarsest)
     return setup.answer(
-        Forces, stage, found, mesh, {}, {"load": stated.at_points}, axes, warnings=warnings
+        Forces,
+        mechanism,
+        found,
+        mesh,
+        {},
+        {"load": stated.at_points},
+        _axes(loaded),
+        warnings=warnings,
     )
+
+
+class Loaded(NamedTuple):
+    """A mechanism under a load (k,) on its ports, and the ends of the sections that are asked for."""
+
+    mechanism: Mechanism
+    load: Array
+    sections: list[tuple[complex, complex]]
+
+
+def _axes(loaded: Loaded) -> dict[str, list[str]]:
+    """Return the names of hinges and sections, of parts that move, and of points."""
+    layout = loaded.mechanism.layout
+    hinges = [joint.name for joint in layout.joints]
+    bodies = [body.name for body in layout.bodies if not body.fixed]
+    return {
+        "section": [*hinges, *(_named(ends) for ends in loaded.sections)],
+        "part": [*hinges, *bodies],
+        "point": [name for name, _ in layout.points],
+    }
+
+
+def _wrenches(loaded: Loaded, parts: ElasticParts) -> Array:
+    """Return the wrenches (h, 3) through hinges by the network of bodies and hinges."""
+    response = respond(loaded.mechanism.layout, parts.bodies, hinges=parts.hinges)
+    return response.wrenches @ loaded.load
+
+
+def _by_network(loaded: Loaded, elastic: bool) -> Values:
+    """Return wrenches and stress of the hinges by the network of bodies and hinges."""
+    wrenches = _wrenches(loaded, plates.joined_parts(loaded.mechanism, elastic))
+    return {
+        "force": wrenches,
+        "stress": plates.stress_by(loaded.mechanism, wrenches, elastic),
+    }
+
+
+def _by_mesh(loaded: Loaded, resolution: int, layers: int, thick: Thickened | None) -> Values:
+    """Return wrenches, strains and stress by finite elements, with the thickness of hinges if
+    given.
+    """
+    mechanism, load, sections = loaded
+    layout = mechanism.layout
+    response = plates.solved(mechanism, resolution, layers)
+    field = np.tensordot(load, response.nodal, axes=1)
+    wrenches = hinge_wrenches(response, layout, field)
+    through = [section_wrench(response, field, *ends) for ends in sections]
+    strains = part_strains(response, layout, load)
+    highest = strains.highest
+    if thick is not None:
+        wrenches = wrenches + thick.change(partial(_wrenches, loaded))
+        of_bodies = np.full(len(response.bodies), thick.of_bodies)
+        highest = highest * np.concatenate([thick.strain_ratios(wrenches), of_bodies])
+    by_loads = plates.elements(mechanism, resolution, layers, thick)
+    assert by_loads.bodies is not None
+    return {
+        "force": np.concatenate([wrenches, np.reshape(through, (-1, 3))]),
+        "strain": 100 * highest,
+        "strain_x": strains.place[:, 0],
+        "strain_y": strains.place[:, 1],
+        "stress": np.concatenate([by_loads.stress(load), by_loads.bodies(load).highest]),
+    }
 
 
 def _listed(
     section: Sequence[str] | Sequence[Sequence[float]] | None,
 ) -> list[str | Sequence[float]]:
     """Return sections of which one may be stated alone."""
-    return [section] if isinstance(section, str) else list(section or ())
+    if isinstance(section, str):
+        return [section]
+    return list(section or ())
 
 
 def _named(pair: tuple[complex, complex]) -> str:
@@ -205,22 +237,29 @@ def _ends(layout: Layout, stated: str | Sequence[float]) -> tuple[complex, compl
     """Return the ends of a section, mm. Raises BadInput unless it crosses a part that moves, its
     ends outside.
     """
-    numbers = list(stated.split(",")) if isinstance(stated, str) else list(map(str, stated))
-    expected = "expected X1,Y1,X2,Y2: two different points, mm"
-    try:
-        x1, y1, x2, y2 = (in_unit(str(one).strip(), UNITS["mm"]) for one in numbers)
-    except ValueError:
-        raise BadInput(f"section {printed(stated)}, {expected}") from None
-    if not np.all(np.isfinite([x1, y1, x2, y2])) or (x1, y1) == (x2, y2):
-        raise BadInput(f"section {printed(stated)}, {expected}")
+    start, end = _points(stated)
     plate = plate_polygon(layout)
     inside = plate.buffer(-INSIDE * extent(plate))
-    if not inside.intersects(shapely.LineString([(x1, y1), (x2, y2)])):
+    line = shapely.LineString([(at.real, at.imag) for at in (start, end)])
+    if not inside.intersects(line):
         raise BadInput(f"section {printed(stated)}, expected a line across a body")
-    for x, y in ((x1, y1), (x2, y2)):
-        if inside.contains(shapely.Point(x, y)):
+    for at in (start, end):
+        if inside.contains(shapely.Point(at.real, at.imag)):
             raise BadInput(
-                f"section {printed(stated)}, expected both points beside the body, not ({x:g}, "
-                f"{y:g}) in it"
+                f"section {printed(stated)}, expected both points beside the body, not "
+                f"({at.real:g}, {at.imag:g}) in it"
             )
+    return start, end
+
+
+def _points(stated: str | Sequence[float]) -> tuple[complex, complex]:
+    """Return two different points, mm, of a text X1,Y1,X2,Y2 or four numbers. Raises BadInput."""
+    numbers = stated.split(",") if isinstance(stated, str) else [str(one) for one in stated]
+    refusal = BadInput(f"section {printed(stated)}, expected X1,Y1,X2,Y2: two different points, mm")
+    try:
+        x1, y1, x2, y2 = (in_unit(one.strip(), UNITS["mm"]) for one in numbers)
+    except ValueError:
+        raise refusal from None
+    if not np.all(np.isfinite([x1, y1, x2, y2])) or (x1, y1) == (x2, y2):
+        raise refusal
     return complex(x1, y1), complex(x2, y2)
