@@ -95,40 +95,50 @@ def by_elements(
     curve = Followed(coarsest.on_line, port, float(displacements[-1])).curve(coarsest.rest())
     way = way_along(curve, coarsest.on_line, port, displacements.tolist())
     wanted = [waypoint for waypoint in way if waypoint.wanted]
-    found: list[list[CurvePoint | None]] = [[waypoint.at for waypoint in wanted]]
+    on_meshes: list[list[CurvePoint | None]] = [[waypoint.at for waypoint in wanted]]
     for number, step in enumerate(steps[1:], start=2):
         if progress is not None:
             progress(f"{number - 1} of {len(steps)} meshes")
         finer = PulledElements(model_of(mechanism, step), port)
-        found.append(replayed(finer.on_line, finer.rest(), way, port, curve.scale))
+        on_meshes.append(replayed(finer.on_line, finer.rest(), way, port, curve.scale))
     if progress is not None:
         progress(f"{len(steps)} of {len(steps)} meshes")
-    on_meshes = zip(*found, strict=True)
     each = [
         _on_all_meshes(waypoint, points, port)
-        for waypoint, points in zip(wanted, on_meshes, strict=True)
+        for waypoint, points in zip(wanted, zip(*on_meshes, strict=True), strict=True)
     ]
-    labels = labels_of(
-        [waypoint.event for waypoint in wanted if waypoint.event is not None], mechanism.layout
-    )
-    sizes = np.array(steps, dtype=float)
-    shares = list[CurvePoint]()
+    bands = [_band(np.array(steps, dtype=float), points) for points in each]
+    return _traced(curve, wanted, [points[-1] for points in each], bands, mechanism.layout)
+
+
+def _band(sizes: Array, points: Sequence[CurvePoint]) -> Array:
+    """Return the band (9,) of `numbers_of` a point; nan if a mesh does not have it."""
+    if len(points) < len(sizes):
+        return np.full(NUMBERS, np.nan)
+    return corner_bands(sizes, np.array([numbers_of(point) for point in points]))
+
+
+def _traced(
+    curve: ForceCurve,
+    wanted: Sequence[Waypoint],
+    points: Sequence[CurvePoint],
+    bands: Sequence[Array],
+    layout: Layout,
+) -> Traced:
+    """Return a curve with the points that are wanted on the finest mesh, and their bands."""
+    found = Traced(curve, [], {}, np.zeros((0, NUMBERS)), {})
     share_bands = list[Array]()
-    events = dict[str, CurvePoint]()
-    event_bands = dict[str, Array]()
-    for waypoint, points in zip(wanted, each, strict=True):
-        values = np.array([numbers_of(point) for point in points])
-        band = (
-            corner_bands(sizes, values) if len(points) == len(steps) else np.full(NUMBERS, np.nan)
-        )
+    events = [waypoint.event for waypoint in wanted if waypoint.event is not None]
+    labels = iter(labels_of(events, layout))
+    for waypoint, point, band in zip(wanted, points, bands, strict=True):
         if waypoint.event is None:
-            shares.append(points[-1])
+            found.shares.append(point)
             share_bands.append(band)
         else:
-            label = labels[len(events)]
-            events[label] = points[-1]
-            event_bands[label] = band
-    return Traced(curve, shares, events, np.reshape(share_bands, (-1, NUMBERS)), event_bands)
+            label = next(labels)
+            found.events[label] = point
+            found.event_bands[label] = band
+    return found._replace(share_bands=np.reshape(share_bands, (-1, NUMBERS)))
 
 
 def _on_all_meshes(

@@ -59,21 +59,17 @@ SYMMETRIC = 1e-4
 # relative difference, by the meshes of hinges, of two ends of beams that are one by symmetry
 ALIKE = 1e-3
 HOLDS = 0.5  # of the band of the linear range: linear theory holds if beams change it by less
-OF_THE_THICKNESS = (
-    0.25  # possible error of the effect of the thickness on the ratios to linear theory
-)
-OF_THE_MESH = (
-    2e-3  # of the change of the force; 1e-4 measured between meshes of resolutions 3 and 6
-)
+# possible error of the effect of the thickness on the ratios to linear theory
+OF_THE_THICKNESS = 0.25
+# of the change of the force; 1e-4 measured between meshes of resolutions 3 and 6
+OF_THE_MESH = 2e-3
 OF_THE_PEAK = 0.02  # of the change of the stress, where bending and tension concentrate differently
 MOST_CHECKS = 5
 CLOSE = 0.06  # of a displacement: a larger step is followed by other finite elements
-OF_THE_STEP = (
-    0.1  # of a step from the displacement of finite elements to the limit, by powers, that is close
-)
-BEFORE_CONTACT = (
-    0.97  # of the displacement at which parts touch: there finite elements still have a gap
-)
+# of a step from the displacement of finite elements to the limit, by powers, that is close
+OF_THE_STEP = 0.1
+# of the displacement at which parts touch: there finite elements still have a gap
+BEFORE_CONTACT = 0.97
 LEAST_POWER = 0.5  # of the displacement, of the stress in bodies where the force no longer grows
 LIMITS = (YIELD, BODY_YIELD, BUCKLING, CONTACT, STROKE, NO_LIMIT, UNKNOWN)
 
@@ -183,47 +179,88 @@ def _unit_displacement(compliance: Array, port: int, held: Sequence[int]) -> Arr
     return load
 
 
+class _Models(NamedTuple):
+    """A mechanism, its finest mesh, and its beams.
+
+    plane : beams with hinges in plane stress.   beams : those of the last model.
+    """
+
+    mechanism: Mechanism
+    mesh: Mesh | None
+    plane: DrivenPlate
+    beams: DrivenPlate
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, mesh: Mesh | None) -> _Models:
+        """Return the beams of a mechanism; with finite elements they have the hinges of these."""
+        layout = mechanism.layout
+        if mesh is None:
+            ratios = partial(wide_stress_ratios, layout)
+            beams = DrivenPlate(layout, hinge_compliances(layout), ratios)
+            return cls(mechanism, None, beams, beams)
+        plane = DrivenPlate(layout, parts_of(mechanism).hinges)
+        thickness = thickness_of(mechanism)
+        if not thickness:
+            return cls(mechanism, mesh, plane, plane)
+        best = thickness[0]
+        beams = DrivenPlate(layout, best.solid.hinges, best.stress_ratios)
+        return cls(mechanism, mesh, plane, beams)
+
+
+class _ByBeams(NamedTuple):
+    """The end of beams that are driven along a port with others held, and linear theory."""
+
+    port: int
+    held: Sequence[int]
+    end: PathEnd
+    linear: _Linear
+
+
 def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> Ranges:
     """Return the ends of the ranges of a mechanism along every direction, in both senses, others
     held or free.
 
     found : values at rest of all models, of which the last one is used.
     """
-    layout = mechanism.layout
-    thickness = thickness_of(mechanism) if mesh is not None else ()
-    if mesh is None:
-        plane = beams = DrivenPlate(
-            layout, hinge_compliances(layout), partial(wide_stress_ratios, layout)
-        )
-    else:
-        plane = beams = DrivenPlate(layout, parts_of(mechanism).hinges)
-    if thickness:
-        beams = DrivenPlate(layout, thickness[0].solid.hinges, thickness[0].stress_ratios)
+    lever = mechanism.layout.lever
+    models = _Models.of(mechanism, mesh)
     last = list(found.values())[-1]
     ends = dict[tuple[int, int, int], RangeEnd]()
-    known = list[tuple[tuple[PathEnd, int], RangeEnd]]()
+    known = list[tuple[_ByBeams, RangeEnd]]()
     for axis, sense in product(range(3), range(2)):
         others = [port for port in range(3) if port != axis]
-        free = beams_end = None
-        for which, held in ((1, []), (0, others)):
-            if free is not None and _nothing_to_hold(free, others, layout.lever):
-                ends[which, sense, axis] = ends[1, sense, axis]
-                continue
-            linear = _linear(last, axis, held, layout)
-            scale = SENSES[sense] * layout.yield_strength / linear.slopes[1]
-            beams_end = beams.end(axis, held, scale, linear.slopes[2] / linear.slopes[0])
-            free = beams_end if which == 1 else free
-            alike = [made for other, made in known if _alike(other, beams_end, axis)]
-            if alike:
-                ends[which, sense, axis] = _turned(alike[0], beams_end, linear)
-                continue
-            try:
-                made = _checked(mechanism, mesh, beams_end, linear, (axis, held), plane, beams)
-            except ComputationFailed:
-                made = _without_numbers(UNKNOWN, beams_end)
-            known.append(((beams_end, axis), made))
-            ends[which, sense, axis] = made
+        free = _by_beams(models, last, axis, [], sense)
+        ends[1, sense, axis] = _end(models, free, known)
+        if _nothing_to_hold(free.end, others, lever):
+            ends[0, sense, axis] = ends[1, sense, axis]
+        else:
+            held = _by_beams(models, last, axis, others, sense)
+            ends[0, sense, axis] = _end(models, held, known)
     return Ranges(ends)
+
+
+def _by_beams(
+    models: _Models, last: ModelAnswer, port: int, held: Sequence[int], sense: int
+) -> _ByBeams:
+    """Return the end of beams that are driven along a port, with others held."""
+    layout = models.mechanism.layout
+    linear = _linear(last, port, held, layout)
+    force, hinges, bodies = linear.slopes
+    scale = SENSES[sense] * layout.yield_strength / hinges
+    return _ByBeams(port, held, models.beams.end(port, held, scale, bodies / force), linear)
+
+
+def _end(models: _Models, by_beams: _ByBeams, known: list[tuple[_ByBeams, RangeEnd]]) -> RangeEnd:
+    """Return an end, the image of a known one by symmetry if there is such; add it to the known."""
+    for other, made in known:
+        if _alike(other, by_beams):
+            return _turned(made, by_beams.end, by_beams.linear)
+    try:
+        made = _checked(models, by_beams)
+    except ComputationFailed:
+        made = _without_numbers(UNKNOWN, by_beams.end)
+    known.append((by_beams, made))
+    return made
 
 
 def described(layout: Layout, found: Ranges) -> list[str]:
@@ -297,12 +334,13 @@ def _relative(last: ModelAnswer, name: str, at: int | tuple[int, int]) -> float:
     return abs(float(last.bands[name][at] / last.values[name][at]))
 
 
-def _alike(known: tuple[PathEnd, int], end: PathEnd, axis: int) -> bool:
+def _alike(known: _ByBeams, found: _ByBeams) -> bool:
     """Whether two ends are one by symmetry; those of the two translations may be."""
-    other, along = known
-    if other.kind != end.kind or (along == 2) != (axis == 2):
+    if known.end.kind != found.end.kind or (known.port == 2) != (found.port == 2):
         return False
-    first, second = (np.abs([one.displacement, one.force, *one.linear]) for one in (other, end))
+    first, second = (
+        np.abs([end.displacement, end.force, *end.linear]) for end in (known.end, found.end)
+    )
     return bool(np.all(np.abs(first - second) < ALIKE * second))
 
 
@@ -320,52 +358,58 @@ def _turned(known: RangeEnd, end: PathEnd, linear: _Linear) -> RangeEnd:
     )
 
 
-def _checked(
-    mechanism: Mechanism,
-    mesh: Mesh | None,
-    end: PathEnd,
-    linear: _Linear,
-    driven_ports: tuple[int, Sequence[int]],
-    plane: DrivenPlate,
-    beams: DrivenPlate,
-) -> RangeEnd:
+def _checked(models: _Models, by_beams: _ByBeams) -> RangeEnd:
     """Return an end of beams, with bands and checked by finite elements if there is a mesh."""
+    end = by_beams.end
+    linear = by_beams.linear
     stress = end.at.stress
-    hinge = int(np.argmax(stress))
     if end.kind == NO_LIMIT:
         return _without_numbers(NO_LIMIT, end)
-    if mesh is None:
+    if models.mesh is None:
+        hinge = int(np.argmax(stress))
         return RangeEnd(
             end.displacement, end.force, np.nan, np.nan, end.kind, hinge, stress, parts=end.parts
         )
     if end.kind == BUCKLING:
         return _of_buckling(end, linear)
-    strength = mechanism.layout.yield_strength
+    layout = models.mechanism.layout
+    change = _change(end, layout.yield_strength)
+    if change < HOLDS * linear.bands[1]:
+        opening = _opening(models.mechanism, models.mesh, by_beams.port, by_beams.held)
+        return _of_linear_theory(layout, end, linear, opening, change)
+    return _followed(models, models.mesh, by_beams)
+
+
+def _change(end: PathEnd, strength: float) -> float:
+    """Return the largest relative change of the force, and of the stress at yield, by beams."""
     changes = [end.force / end.displacement / end.linear[0] - 1]
     if end.kind == YIELD:
         changes.append(abs(end.displacement) * end.linear[1] / strength - 1)
-    change = float(np.max(np.abs(changes)))
-    if change < HOLDS * linear.bands[1]:
-        opening = _opening(mechanism, mesh, *driven_ports)
-        return _of_linear_theory(mechanism.layout, end, linear, opening, change)
+    return float(np.max(np.abs(changes)))
+
+
+def _followed(models: _Models, mesh: Mesh, by_beams: _ByBeams) -> RangeEnd:
+    """Return an end of finite elements, which are solved until it is close to their displacement."""
+    end = by_beams.end
+    layout = models.mechanism.layout
     powers = np.maximum(end.exponents, [-np.inf, LEAST_POWER])
     x = end.displacement * (BEFORE_CONTACT if end.kind == CONTACT else 1.0)
     before: tuple[float, Array] | None = None
     for _ in range(MOST_CHECKS):
-        at = _finite(mechanism, mesh, x, driven_ports, plane, beams, end)
-        values = linear.slopes * at.ratios * abs(x)
+        at = _finite(models, mesh, by_beams, x)
+        values = by_beams.linear.slopes * at.ratios * abs(x)
         if before is not None:
             powers = _powers(before, (x, values))
-        steps = _steps(mechanism.layout, end, at, values, powers)
+        steps = _steps(layout, end, at, values, powers)
         kind = min(steps, key=lambda limit: steps[limit])
         step = steps[kind]
         if abs(step - 1) < CLOSE:
             break
-        before = x, values
+        before = (x, values)
         x = x * step
     if kind == YIELD:
-        at = at._replace(peaks=at.peaks * strength / at.peaks.max())
-    return _ended(end, linear, at, powers, (x, step, kind))
+        at = at._replace(peaks=at.peaks * layout.yield_strength / at.peaks.max())
+    return _ended(end, by_beams.linear, at, powers, (x, step, kind))
 
 
 class _Finite(NamedTuple):
@@ -535,61 +579,65 @@ def _of_buckling(end: PathEnd, linear: _Linear) -> RangeEnd:
     )
 
 
-def _finite(
-    mechanism: Mechanism,
-    mesh: Mesh,
-    x: float,
-    driven_ports: tuple[int, Sequence[int]],
-    plane: DrivenPlate,
-    beams: DrivenPlate,
-    end: PathEnd,
-) -> _Finite:
+def _finite(models: _Models, mesh: Mesh, by_beams: _ByBeams, x: float) -> _Finite:
     """Return what finite elements find at a displacement x near an end, in three dimensions by the
     change of beams.
     """
-    port, held = driven_ports
+    port, held, end, _ = by_beams
     level = levels(mesh.resolution)[0]
-    model = model_of(mechanism, level)
+    model = model_of(models.mechanism, level)
     at = driven(model, [port, *held], np.array([[x, *np.zeros(len(held))]]))
-    layout = mechanism.layout
-    peaks, bodies = stress_in_parts(model, at.fields[0])
-    peaks = peaks * layout.hinge_shares
-    bodies = bodies * layout.body_shares
-    slopes = slopes_of(layout, responses(mechanism, solved(mechanism, level)), port, held)
-    values = np.array(
-        [at.load[0, port] / x, peaks.max() / abs(x), np.max(bodies, initial=0.0) / abs(x)]
-    )
-    ratios = values / np.where(slopes, slopes, 1.0)
+    peaks, bodies = _compared_stress(model, at.fields[0])
+    highest = np.array([peaks.max(), np.max(bodies, initial=0.0)]) / abs(x)
+    values = np.array([at.load[0, port] / x, *highest])
+    response = responses(models.mechanism, solved(models.mechanism, level))
+    slopes = slopes_of(model.layout, response, port, held)
     contact = np.nan
     if end.kind == CONTACT:
-        contact = _contact(model, beams, driven_ports, (x, at.fields[0]), end)
-    spread = np.zeros(3)
-    if beams is not plane:
-        by_beams = list[Array]()
-        found = list[Array]()
-        for one in (plane, beams):
-            reached = one.reached(port, held, x)
-            if reached is None:
-                raise ComputationFailed("the beams find no equilibrium at the end of the range")
-            stress = one.stress(reached.unknowns)
-            found.append(stress)
-            by_beams.append(
-                np.array([reached.forces[port] / x, stress.max() / abs(x)])
-                / one.slopes(port, held, x)
-            )
-        thick = (by_beams[1] / by_beams[0])[[0, 1, 0]]  # the stress in bodies follows the force
-        ratios = ratios * thick
-        spread = OF_THE_THICKNESS * np.abs(thick - 1)
-        peaks = peaks * found[1] / found[0]
-    return _Finite(ratios, spread, peaks, bodies, at.pose[0], contact)
+        contact = _contact(model, models.beams, by_beams, (x, at.fields[0]))
+    ratios = values / np.where(slopes, slopes, 1.0)
+    found = _Finite(ratios, np.zeros(3), peaks, bodies, at.pose[0], contact)
+    return found if models.beams is models.plane else _thickened(found, models, by_beams, x)
+
+
+def _compared_stress(model: PlateModel, field: Array) -> tuple[Array, Array]:
+    """Return the highest stress of hinges (h,) and moving bodies (b,), MPa, as of one material."""
+    of_hinges, of_bodies = stress_in_parts(model, field)
+    return of_hinges * model.layout.hinge_shares, of_bodies * model.layout.body_shares
+
+
+def _thickened(found: _Finite, models: _Models, by_beams: _ByBeams, x: float) -> _Finite:
+    """Return finite elements in three dimensions, by the change of beams."""
+    plane = _ratios(models.plane, by_beams, x)
+    solid = _ratios(models.beams, by_beams, x)
+    change = (solid.ratios / plane.ratios)[[0, 1, 0]]  # the stress in bodies follows the force
+    return found._replace(
+        ratios=found.ratios * change,
+        spread=OF_THE_THICKNESS * np.abs(change - 1),
+        peaks=found.peaks * solid.stress / plane.stress,
+    )
+
+
+class _BeamRatios(NamedTuple):
+    """Force and highest stress (2,) of beams over those of linear theory, and stress (h,), MPa."""
+
+    ratios: Array
+    stress: Array
+
+
+def _ratios(beams: DrivenPlate, by_beams: _ByBeams, x: float) -> _BeamRatios:
+    """Return the ratios of beams at a displacement. Raises ComputationFailed."""
+    port, held, _, _ = by_beams
+    reached = beams.reached(port, held, x)
+    if reached is None:
+        raise ComputationFailed("the beams find no equilibrium at the end of the range")
+    stress = beams.stress(reached.unknowns)
+    values = np.array([reached.forces[port] / x, stress.max() / abs(x)])
+    return _BeamRatios(values / beams.slopes(port, held, x), stress)
 
 
 def _contact(
-    model: PlateModel,
-    beams: DrivenPlate,
-    driven_ports: tuple[int, Sequence[int]],
-    reached: tuple[float, Array],
-    end: PathEnd,
+    model: PlateModel, beams: DrivenPlate, by_beams: _ByBeams, reached: tuple[float, Array]
 ) -> float:
     """Return the displacement of contact over that of finite elements; their gap closes as that of
     beams.
@@ -597,12 +645,11 @@ def _contact(
     reached : displacement of finite elements, mm or rad, and their field (n, 2), mm.
     """
     x, field = reached
+    end = by_beams.end
     parts = len(model.layout.bodies) + len(model.layout.joints)
-    if (
-        end.touching is None or max(end.touching) >= parts
-    ):  # a hinge and its own body, which meet in the mesh
-        return end.displacement / x
-    at = beams.reached(*driven_ports, x)
+    if end.touching is None or max(end.touching) >= parts:
+        return end.displacement / x  # of a hinge and its own body, which meet in the mesh
+    at = beams.reached(by_beams.port, by_beams.held, x)
     gap = gap_of_parts(model, field, end.touching)
     if at is None or gap == 0:
         return BEFORE_CONTACT
