@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexfem import arguments
 from flexfem.arrays import Array
@@ -125,7 +124,7 @@ def budget(
     )
 
 
-def _commands(amplitude: ArrayLike) -> Array:
+def _commands(amplitude: tuple[float, float, float]) -> Array:
     """Return the commands (3,), mm, mm and rad. Raises BadInput."""
     commands = np.ravel(arguments.poses("amplitude", amplitude, 1))
     if not np.all((commands > 0) & (commands <= LARGEST_AMPLITUDE)):

@@ -22,8 +22,9 @@ from flexfem.files.refusals import one_line, place_of
 from flexfem.files.toml import read_csv
 from flexfem.hinges import strength
 from flexfem.hinges.strength import Basquin, BasquinFit, equivalent
+from flexfem.mechanism.content import located
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, Material, unlikely
-from flexfem.mechanism.mechanism import Mechanism, located
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import finite, plates, setup
 from flexfem.questions.bands import stress_bands
 from flexfem.questions.plates import PEAK
