@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -34,16 +34,13 @@ POOR = 0.01  # probability of chi square below which a fit is rejected
 SOFTEST = 10.0  # upper bound of the compliance of the fixture over that of the stage
 # condition number of the normalized sensitivities above which data do not tell two numbers apart
 DEPENDENT = 1e4
-AT_END = (
-    1e-6  # of the range of a number: distance below which a value counts as the end of the range
-)
-GRID = (
-    161  # number of offsets at which the compliance is computed; a spline interpolates between them
-)
+# of the range of a number: distance below which a value counts as the end of the range
+AT_END = 1e-6
+# number of offsets at which the compliance is computed; a spline interpolates between them
+GRID = 161
 FURTHEST = 0.5  # of the thinnest neck: largest offset
-DEPENDENT_NUMBERS = (
-    0.98  # correlation at which a fifth of the effect of either number is independent of the other
-)
+# correlation at which a fifth of the effect of either number is independent of the other
+DEPENDENT_NUMBERS = 0.98
 RIGID = 1e-9  # of the stage's compliance: a fixture that adds less is rigid up to round-off
 MAP = 121  # points of the map of chi square along each axis
 FITTED = Gate(1e-5, absolute=1e-9)  # for results of iterations
@@ -270,6 +267,76 @@ def identify(
     warnings = list(warning.of_stage(stage))
     place = source.name if isinstance(measured, Fixture | Measurement) else place_of(measured)
     problem, numbers, model = _problem(stage, source, place, unknown, warnings)
+    fit = _fit(problem, level)
+    rank, condition, correlation = problem.sensitivity(fit.best)
+    dof = len(problem.axes) - rank
+    told_apart = not (fit.allowed[1] and fit.allowed[2])
+    distinct = rank == len(fit.best) and told_apart and not unexplained(fit.least, dof)
+    if abs(correlation) > DEPENDENT_NUMBERS:
+        warnings.append(
+            f"the correlation of offset and fixture is {correlation:+.4f}: only small differences "
+            "between the directions distinguish them, and errors of the model and unequal necks "
+            "have the same effect"
+        )
+    sentence = conclusion(fit.least, dof, fit.alone[1, 0], fit.allowed, distinct)
+    if sentence.startswith("Both") and numbers[0] == "pole" and fit.low[1] <= 1 <= fit.high[1]:
+        sentence += " The pole as described is within the fitted interval."
+    settings = {
+        "measured": source.name,
+        "analytic model": model,
+        "confidence": f"{100 * level:g} %",
+    }
+    points = [str(k) for k in range(MAP)]
+    judged = {
+        "dof": dof,
+        "condition": condition,
+        "correlation": correlation,
+        "distinct": distinct,
+    }
+    return Identification(
+        about(stage, files={"measured": source}),
+        _slopes_at(problem, fit.best) | fit.values() | judged | _region(problem, fit, level),
+        axes={"number": numbers, "map x": points, "map y": points},
+        settings=settings,
+        warnings=warnings,
+        notes=[sentence, "intervals by profile likelihood; unlimited where the data give no bound"],
+    )
+
+
+class _Fit(NamedTuple):
+    """Unknowns (1 + p,) of the best fit, with their intervals, and fits of single causes.
+
+    least : chi square of the best fit.   alone : (causes, 1 + p), in the order of `CAUSES`.
+    by_cause : chi square (causes,) of these.   allowed : whether the data allow each cause.
+    """
+
+    best: Array
+    low: Array
+    high: Array
+    least: float
+    alone: Array
+    by_cause: Array
+    allowed: list[bool]
+
+    def values(self) -> dict[str, Any]:
+        """Return the quantities of a result."""
+        return {
+            "offset": self.best[0],
+            "offset_low": self.low[0],
+            "offset_high": self.high[0],
+            "fixture": self.best[1:],
+            "fixture_low": self.low[1:],
+            "fixture_high": self.high[1:],
+            "chi_square": self.least,
+            "allowed": self.allowed,
+            "cause_chi_square": self.by_cause,
+            "cause_offset": self.alone[:, 0],
+            "cause_fixture": self.alone[:, 1:],
+        }
+
+
+def _fit(problem: SlopeProblem, level: float) -> _Fit:
+    """Return the best fit, its intervals at a level of confidence, and the fits of single causes."""
     best = problem.fit({})
     count = len(problem.bounds)
     low, high = np.transpose([problem.interval(best, k, level) for k in range(count)])
@@ -277,24 +344,14 @@ def identify(
     alone = np.array([problem.fit(dict.fromkeys(zeros, 0.0)) for zeros in zeroed])
     least = float(problem.chi_square(best))
     by_cause = problem.chi_square(alone)
-    allowed = [
-        bool(by <= least + chi2.ppf(level, len(zeros)))
-        for by, zeros in zip(by_cause, zeroed, strict=True)
-    ]
-    rank, condition, correlation = problem.sensitivity(best)
-    dof = len(problem.axes) - rank
-    distinct = rank == count and not (allowed[1] and allowed[2]) and not unexplained(least, dof)
-    if abs(correlation) > DEPENDENT_NUMBERS:
-        warnings.append(
-            f"the correlation of offset and fixture is {correlation:+.4f}: only small differences "
-            "between the directions distinguish them, and errors of the model and unequal necks "
-            "have the same effect"
-        )
-    marks = np.array([best, *alone, low, high])[:, :2]
-    offsets, fixtures, chi_squares = problem.chi_square_map(
-        np.where(np.isinf(marks), np.nan, marks)
-    )
-    rigid = problem.slopes(np.zeros(count))
+    limits = [least + chi2.ppf(level, len(zeros)) for zeros in zeroed]
+    allowed = [bool(by <= limit) for by, limit in zip(by_cause, limits, strict=True)]
+    return _Fit(best, low, high, least, alone, by_cause, allowed)
+
+
+def _slopes_at(problem: SlopeProblem, best: Array) -> dict[str, Any]:
+    """Return measured and modelled slopes, and the stiffness of the fixture, by direction."""
+    rigid = problem.slopes(np.zeros(len(best)))
     added = problem.added @ best[1:]
     stiffness = np.where(added > RIGID / rigid, 1 / np.maximum(added, 1e-300), np.inf)
     by_direction = np.full((5, 3), np.nan)
@@ -305,37 +362,20 @@ def identify(
         problem.sd,
         stiffness,
     )
-    sentence = conclusion(least, dof, alone[1, 0], allowed, distinct)
-    if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
-        sentence += " The pole as described is within the fitted interval."
-    return Identification(
-        about(stage, files={"measured": source}),
-        {
-            "slope": by_direction[:3].T,
-            "sd": by_direction[3],
-            "stiffness": by_direction[4],
-            **{"offset": best[0], "offset_low": low[0], "offset_high": high[0]},
-            **{"fixture": best[1:], "fixture_low": low[1:], "fixture_high": high[1:]},
-            **{"chi_square": least, "dof": dof, "condition": condition, "correlation": correlation},
-            **{"distinct": distinct, "allowed": allowed, "cause_chi_square": by_cause},
-            **{"cause_offset": alone[:, 0], "cause_fixture": alone[:, 1:]},
-            **{
-                "region_offset": offsets,
-                "region_fixture": fixtures,
-                "region_above": chi_squares - least,
-            },
-            "region_limit": float(chi2.ppf(level, 2)),
-        },
-        axes={"number": numbers}
-        | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
-        settings={
-            "measured": source.name,
-            "analytic model": model,
-            "confidence": f"{100 * level:g} %",
-        },
-        warnings=warnings,
-        notes=[sentence, "intervals by profile likelihood; unlimited where the data give no bound"],
-    )
+    return {"slope": by_direction[:3].T, "sd": by_direction[3], "stiffness": by_direction[4]}
+
+
+def _region(problem: SlopeProblem, fit: _Fit, level: float) -> dict[str, Any]:
+    """Return the map of chi square about the fits, and its joint limit at a level of confidence."""
+    marks = np.array([fit.best, *fit.alone, fit.low, fit.high])[:, :2]
+    finite = np.where(np.isinf(marks), np.nan, marks)
+    offsets, fixtures, chi_squares = problem.chi_square_map(finite)
+    return {
+        "region_offset": offsets,
+        "region_fixture": fixtures,
+        "region_above": chi_squares - fit.least,
+        "region_limit": float(chi2.ppf(level, 2)),
+    }
 
 
 def _problem(

@@ -5,7 +5,7 @@ Figures 5 to 7.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -64,6 +64,7 @@ LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors to be e
 UNSETTLED = 0.05
 SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
 POINT = ("curve", "point", "direction")
+SETTINGS = ("direction", "analysis", "drive", "model", "resolution")  # keys of a case
 MATRIX = ("curve", "component", "direction")
 PERCENT_GATE = Gate(
     FRESH.relative, absolute=100 * FRESH.relative
@@ -323,28 +324,12 @@ class CurveRun(NamedTuple):
 
 
 def run_case(loaded: LoadedCase) -> Verification:
-    """Run every curve of a case. Raises BadInput if a stage does not suit its formula,
-    ComputationFailed.
+    """Run every curve of a case.
+
+    Raises BadInput if a stage does not suit its formula, ComputationFailed.
     """
     case = loaded.case
-    stages = loaded.stages
-    models = dict[Curve, AnalyticResult]()
-    runs = list[CurveRun]()
-    for curve in case.curve:  # refused before the first finite elements
-        with _named(loaded, curve):
-            models[curve] = analyse(stages[curve.label], curve.mobility, curve.formula, curve.links)
-    in_plane = _solve_force if case.drive == "force" else _solve_imposed
-    solve = _solve_solid if case.model == "three_dimensional" else in_plane
-    for curve, model in models.items():
-        with _named(loaded, curve):
-            runs.append(
-                CurveRun(
-                    curve,
-                    stages[curve.label],
-                    model,
-                    solve(stages[curve.label], curve, model, case),
-                )
-            )
+    runs = _runs(loaded)
     joints = tuple(dict.fromkeys(name for run in runs for name in run.elements.joints))
     curves = {run.curve.label: _curve_models(case, run) for run in runs}
     labels = {
@@ -356,28 +341,51 @@ def run_case(loaded: LoadedCase) -> Verification:
     }
     quantities = {run.curve.label: _quantities(case, run, joints) for run in runs}
     values, widths = stack_models(Verification, quantities, labels, "curve")
-    own = assumptions([("case: ", case)])
-    settings = {
-        key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")
-    }
+    settings = {key: getattr(case, key) for key in SETTINGS}
+    settings["curves"] = {label: curve.model_dump() for label, curve in curves.items()}
     return Verification(
-        About(
-            case.name,
-            str(loaded.path),
-            digest({label: curve.hash for label, curve in curves.items()}),
-            sorted({*own.assumed, *(key for curve in curves.values() for key in curve.assumed)}),
-            sorted(
-                {*own.not_stated, *(key for curve in curves.values() for key in curve.not_stated)}
-            ),
-            runs[0].stage.chain.link_lengths[2],
-        ),
+        _about(loaded, curves),
         values | {"command": case.commands},
         widths,
         labels,
-        settings | {"curves": {label: curve.model_dump() for label, curve in curves.items()}},
+        settings,
         [text for run in runs for text in _warnings(case, run)],
         [_summary(label, curve) for label, curve in curves.items()],
         {run.curve.label: run.elements.fields for run in runs},
+    )
+
+
+def _runs(loaded: LoadedCase) -> list[CurveRun]:
+    """Analyse and solve every curve. Raises BadInput before the first finite elements."""
+    case = loaded.case
+    models = dict[Curve, AnalyticResult]()
+    for curve in case.curve:
+        stage = loaded.stages[curve.label]
+        with _named(loaded, curve):
+            models[curve] = analyse(stage, curve.mobility, curve.formula, curve.links)
+    solve = _solve_force if case.drive == "force" else _solve_imposed
+    if case.model == "three_dimensional":
+        solve = _solve_solid
+    runs = list[CurveRun]()
+    for curve, model in models.items():
+        stage = loaded.stages[curve.label]
+        with _named(loaded, curve):
+            runs.append(CurveRun(curve, stage, model, solve(stage, curve, model, case)))
+    return runs
+
+
+def _about(loaded: LoadedCase, curves: Mapping[str, CurveModels]) -> About:
+    """Return a case, with the doubtful numbers of its stages, as the subject of a result."""
+    own = assumptions([("case: ", loaded.case)])
+    assumed = {key for curve in curves.values() for key in curve.assumed}
+    not_stated = {key for curve in curves.values() for key in curve.not_stated}
+    return About(
+        loaded.case.name,
+        str(loaded.path),
+        digest({label: curve.hash for label, curve in curves.items()}),
+        sorted({*own.assumed, *assumed}),
+        sorted({*own.not_stated, *not_stated}),
+        loaded.stages[loaded.case.curve[0].label].lever,
     )
 
 
