@@ -420,11 +420,12 @@ def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_arr
     values[np.ix_(pairs.starts[1:] - 1, j > i)] = 0.0  # above the diagonal
     count = len(pairs.starts) - 1
     size = len(node)
-    first_rows = np.repeat(size * np.arange(count, dtype=np.int32), np.diff(pairs.starts))
-    rows = first_rows[:, None] + i.astype(np.int32)
-    columns = size * pairs.columns[:, None] + j.astype(np.int32)
-    entries = (values.ravel(), (rows.ravel(), columns.ravel()))
-    lower = sp.coo_array(entries, shape=(size * count, size * count)).tocsr()
+    rows = np.repeat(size * np.arange(count, dtype=np.int32), np.diff(pairs.starts))
+    places = (
+        (rows[:, None] + i.astype(np.int32)).ravel(),
+        (size * pairs.columns[:, None] + j.astype(np.int32)).ravel(),
+    )
+    lower = sp.coo_array((values.ravel(), places), shape=(size * count, size * count)).tocsr()
     lower.eliminate_zeros()
     return lower
 

@@ -160,17 +160,30 @@ def _forces_of_densities(
         (crossed, _subdivided(SUBDIVISION_AT_HINGE)),
     ]
     forces = np.zeros((3, len(mesh.nodes)))
-    for which, (points, weights) in parts:
-        phi = shape_functions(points)[0]
-        weight = np.abs(gradients(places[which], points)[1]) * weights
-        x, y = np.einsum("eid,iq->deq", places[which] - point, phi)
-        in_hinges = _in_hinges(layout, patch.body, patch.point + x + 1j * y)
-        weight = weight * ((np.hypot(x, y) <= area.radius) & ~in_hinges)
-        densities = np.array([np.ones_like(x), x, y]) * weight
-        nodal = np.einsum("keq,iq->kei", densities, phi)
+    for which, rule in parts:
+        nodal = _by_triangles(layout, patch, area.radius, places[which], rule)
         for force, values in zip(forces, nodal, strict=True):
             np.add.at(force, area.triangles[which], values)
     return forces
+
+
+def _by_triangles(
+    layout: Layout, patch: Patch, radius: float, places: Array, rule: tuple[Array, Array]
+) -> Array:
+    """Nodal forces (3, e, 6) of the densities 1, x and y over triangles at places (e, 6, 2), mm.
+
+    Points beyond the radius and in hinges of the body do not count.
+
+    rule : points (q, 2) on the reference triangle and weights (q,).
+    """
+    points, weights = rule
+    phi = shape_functions(points)[0]
+    x, y = np.einsum("eid,iq->deq", places - [patch.point.real, patch.point.imag], phi)
+    in_hinges = _in_hinges(layout, patch.body, patch.point + x + 1j * y)
+    counted = (np.hypot(x, y) <= radius) & ~in_hinges
+    determinant = gradients(places, points)[1]
+    densities = np.array([np.ones_like(x), x, y]) * (np.abs(determinant) * weights * counted)
+    return np.asarray(np.einsum("keq,iq->kei", densities, phi))
 
 
 def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:

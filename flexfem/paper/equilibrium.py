@@ -323,25 +323,38 @@ def serial(
 ) -> Serial:
     """Return the joints of a stage with the hinges, freedoms and links of its analytic model."""
     platform = _platform_joints(stage) if result.links else np.zeros((9, 0))
-    shared = np.arange(platform.shape[1])  # all chains share the joints of the platform
-    size = len(shared)
+    size = platform.shape[1]
     chains = list[ChainJoints]()
     is_link = [np.zeros(size, dtype=bool)]
     for chain in CHAINS:
         numbers = [j for j, stack in enumerate(stacks) if stack.chain == chain - 1]
         pushes = [push for j in numbers for push in stacks[j].pushes]
         own = _joints(stage, chain, result, pushes)
-        slots = np.concatenate([size + np.arange(len(own.is_link)), shared])
-        twists = np.append(own.twists, -platform[3 * chain - 3 : 3 * chain], axis=1)
-        # the platform is distal to all its hinges
-        shares = np.pad(own.shares, ((0, 0), (0, len(shared))), mode="edge")
-        pairs = zip(numbers, shares.reshape(len(numbers), 2, len(slots)), strict=True)
+        to_hub = -platform[3 * chain - 3 : 3 * chain]
+        joints = _with_platform(own, to_hub, size)
+        shares = _shares_with_platform(own, to_hub).reshape(len(numbers), 2, len(joints.slots))
+        pairs = zip(numbers, shares, strict=True)
         chain_stacks = tuple(_chain_stack(j, stacks[j], share, follows) for j, share in pairs)
-        chains.append(ChainJoints(slots, twists[0] + 1j * twists[1], twists[2], chain_stacks))
+        chains.append(joints._replace(stacks=chain_stacks))
         is_link.append(own.is_link)
         size += own.is_link.size
-    joints = Serial(len(stacks), tuple(chains), np.zeros((size, 0)))
-    return joints._replace(basis=_basis(joints, np.concatenate(is_link)))
+    whole = Serial(len(stacks), tuple(chains), np.zeros((size, 0)))
+    return whole._replace(basis=_basis(whole, np.concatenate(is_link)))
+
+
+def _with_platform(own: _OwnJoints, to_hub: Array, first: int) -> ChainJoints:
+    """Return the joints of a chain, numbered from `first`, then those of the platform, from 0.
+
+    All chains share the latter. to_hub : (3, p), their twists.
+    """
+    slots = np.concatenate([first + np.arange(len(own.is_link)), np.arange(to_hub.shape[1])])
+    twists = np.append(own.twists, to_hub, axis=1)
+    return ChainJoints(slots, twists[0] + 1j * twists[1], twists[2], ())
+
+
+def _shares_with_platform(own: _OwnJoints, to_hub: Array) -> Array:
+    """Return the shares (pushes, k + p) of forces; the platform is distal to all its hinges."""
+    return np.pad(own.shares, ((0, 0), (0, to_hub.shape[1])), mode="edge")
 
 
 def _platform_joints(stage: Stage) -> Array:
@@ -480,16 +493,20 @@ def joint_state(joints: Serial, q: Array, wrench: Array, force: Array) -> JointS
         rotation = np.broadcast_to(chain.rotation, end.shape)
         pose[..., rows] = bodies.pose
         G[..., rows, chain.slots] = np.stack([end.real, end.imag, rotation], axis=-2)
-        F = wrench[..., 3 * i, None] - 1j * wrench[..., 3 * i + 1, None]
-        terms = chain.rotation[..., :, None] * (F * 1j * end).real[..., None, :]
+        turned_force = wrench[..., 3 * i, None] * 1j + wrench[..., 3 * i + 1, None]
+        terms = chain.rotation[..., :, None] * (turned_force * end).real[..., None, :]
         for stack in chain.stacks:
             opening = _opening_derivatives(chain, stack, bodies)
             J[stack.number, chain.slots] = opening.first
             terms = terms + np.outer(force[stack.number] * opening.proximal, opening.distal)
-        upper = np.triu(terms)  # the row is the joint nearer the base
-        whole = upper + np.swapaxes(np.triu(upper, 1), -1, -2)
-        hessian -= V[chain.slots].T @ whole @ V[chain.slots]
+        hessian -= V[chain.slots].T @ _symmetric(terms) @ V[chain.slots]
     return JointState(pose, G @ V, J @ V, hessian)
+
+
+def _symmetric(terms: Array) -> Array:
+    """Return a symmetric matrix (..., k, k) by its part whose row is the joint nearer the base."""
+    upper = np.triu(terms)
+    return np.asarray(upper + np.swapaxes(np.triu(upper, 1), -1, -2))
 
 
 class _OpeningDerivatives(NamedTuple):
