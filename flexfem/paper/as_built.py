@@ -7,13 +7,13 @@ from pathlib import Path
 
 from flexfem.arrays import Array, inverse
 from flexfem.paper import answers
+from flexfem.paper import warnings as warning
 from flexfem.paper.designs import lower
 from flexfem.paper.links import body_compliance
 from flexfem.paper.model import AnalyticResult, analyse, stiffness_with_necks
 from flexfem.paper.solutions import solved_by
 from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import setup
-from flexfem.questions import warnings as warning
 from flexfem.questions.as_built import (
     MechanismAsBuilt,
     Redrawn,

@@ -27,6 +27,7 @@ from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.content import located
 from flexfem.mechanism.expansion import Expansion, coefficients, expansion_of, require_expansion
 from flexfem.paper import answers
+from flexfem.paper import warnings as warning
 from flexfem.paper.designs import lower, stage_frames
 from flexfem.paper.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.paper.links import body_compliance, edge_motions
@@ -37,7 +38,6 @@ from flexfem.paper.solutions import meshed, sectors_of
 from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.paper.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.questions import setup
-from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, pose_bands
 from flexfem.questions.heat import (
     CASES,

@@ -199,7 +199,7 @@ def drive(
         warnings += limit_warnings(first.system, x, asked.load, name)
     warnings += _over_yield(stage, commands, list(found.values())[-1])
     warnings += warning.of_motion(stage, asked.pose, "the pose")
-    return setup.answer(
+    return setup.result_of(
         StageDrive,
         about_driven(stage),
         found,

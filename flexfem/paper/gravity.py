@@ -19,6 +19,7 @@ from flexfem.fem.response import factorised_whole
 from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.layout import Payload
 from flexfem.paper import answers
+from flexfem.paper import warnings as warning
 from flexfem.paper.bodies import carried, carried_out_of_plane, drawn_inertia
 from flexfem.paper.fields import neck_maxima
 from flexfem.paper.model import analyse
@@ -27,11 +28,11 @@ from flexfem.paper.solutions import meshed
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.questions import plates, setup
-from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, pose_bands
 from flexfem.questions.gravity import GRAVITY, UNDER_WEIGHT, MechanismGravity, acceleration
 from flexfem.questions.plates import Values
 from flexfem.questions.setup import DEFAULT, Analytic, Models
+from flexfem.questions.warnings import of_payload
 from flexfem.results import FRESH, STRESS, Progress, Quantity
 from flexfem.units import DENSITY, UNITS
 
@@ -71,7 +72,7 @@ def gravity(
     weight = acceleration(angle)
     mass = arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor
     load = Payload(mass)
-    warnings = [*warning.of_stage(stage), *warning.of_payload(stage, load.mass)]
+    warnings = [*warning.of_stage(stage), *of_payload(stage, load.mass)]
     if layers:
         models = "elements"  # the analytic model has no motion out of the plane
     chosen = answers.chosen(stage, analytic, warnings, models)

@@ -170,7 +170,7 @@ def life(
         "notch sensitivity": motion.sensitivity,
         "analytic model": None if models == "elements" else chosen.name,
     }
-    return setup.answer(
+    return setup.result_of(
         StageLife,
         answers.about(stage),
         found,

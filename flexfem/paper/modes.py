@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 from flexfem import arguments
 from flexfem.mechanism.layout import Payload
 from flexfem.paper import answers, bodies
+from flexfem.paper import warnings as warning
 from flexfem.paper.drives import drive_of
 from flexfem.paper.reduced import DynamicModel
 from flexfem.paper.stage import Stage
@@ -27,10 +28,10 @@ from flexfem.paper.vibration import (
     payload_of,
 )
 from flexfem.questions import setup
-from flexfem.questions import warnings as warning
 from flexfem.questions.mode_order import in_order, lowest_modes
 from flexfem.questions.modes import MOST, SOLID_RESOLUTION, Drives
 from flexfem.questions.setup import LIFTED, Mesh, ModelAnswer, Models, question
+from flexfem.questions.warnings import of_payload
 from flexfem.refused import BadInput
 from flexfem.results import FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -120,7 +121,7 @@ def modes(
                 "drives 'engaged' with solid, expected disengaged: stacks act in the plane"
             )
         asked = asked._replace(drive=drive_of(stage))
-    warnings = [*warning.of_stage(stage), *warning.of_payload(stage, carried.mass)]
+    warnings = [*warning.of_stage(stage), *of_payload(stage, carried.mass)]
     found = dict[str, ModelAnswer]()
     if models != "elements":
         for name, frequencies in analytic_frequencies(asked, warnings).items():

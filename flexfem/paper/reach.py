@@ -104,7 +104,7 @@ def reach(
     farthest = np.max(np.abs(ends[1]), axis=0)
     warnings += warning.of_motion(stage, farthest, "the farthest poses of the drive")
     vertices = [f"{k + 1}" for k in range(len(solid.vertices))]
-    return setup.answer(
+    return setup.result_of(
         StageReach,
         about_driven(stage),
         found,

@@ -39,6 +39,7 @@ ANSWERS: dict[str, str] = {
     "budget": "budget",
     "drive": "drive",
     "family": "study",
+    "forces": "forces",
     "gravity": "gravity",
     "large": "large",
     "life": "life",

@@ -19,6 +19,7 @@ from flexfem.mechanism.keys import LIFE_CONSTANTS, keys
 from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.paper import fields
+from flexfem.paper import warnings as warning
 from flexfem.paper.batch import (
     LOWEST,
     UNMOVED,
@@ -36,7 +37,6 @@ from flexfem.paper.stage import Stage
 from flexfem.paper.stage_file import of_drive, of_heat
 from flexfem.paper.stage_mesh import layers_of, mesh_sectors, plate_of, sheet_of
 from flexfem.paper.vibration import vibrating
-from flexfem.questions import warnings as warning
 from flexfem.questions.bands import error_matrix, levels, mesh_band
 from flexfem.questions.life import CyclicMotion
 from flexfem.questions.setup import Analytic

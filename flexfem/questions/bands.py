@@ -17,7 +17,6 @@ from scipy.linalg import eigh
 
 from flexfem import arguments
 from flexfem.arrays import Array, is_largest
-from flexfem.paper.solutions import solve_solid as solve_solid
 from flexfem.questions.setup import on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import Progress

@@ -61,7 +61,7 @@ class Buckling(Result):
     )
 
 
-@setup.options(only_for="plane")
+@setup.question
 def buckling(
     mechanism: Mechanism,
     *,

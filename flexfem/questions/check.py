@@ -284,11 +284,10 @@ def _other_dimensions(profile: Profile) -> list[str]:
     texts = list[str]()
     for key, value in own.items():
         if isinstance(value, float) and key not in ("neck", "span"):
-            unit = LENGTH
+            size = f"{value:.6g} {LENGTH}"
             if key == "angle":
-                value = np.rad2deg(value)
-                unit = "deg"
-            texts.append(f"{FILE_KEYS.get(key, key).replace('_', ' ')} {value:.6g} {unit}")
+                size = f"{np.rad2deg(value):.6g} deg"
+            texts.append(f"{FILE_KEYS.get(key, key).replace('_', ' ')} {size}")
     if "table" in own:
         line = "a smooth curve" if own["smooth"] else "straight lines"
         texts.append(f"{len(own['table'])} rows joined by {line}")

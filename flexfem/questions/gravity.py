@@ -45,7 +45,7 @@ class MechanismGravity(Result):
     stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), PEAK, "all")
 
 
-@setup.options(not_for="payload analytic", only_for="plane")
+@setup.options(not_for="payload analytic")
 def gravity(
     mechanism: Mechanism,
     *,

@@ -71,7 +71,7 @@ class MechanismDrift(Result):
     )
 
 
-@setup.options(not_for="analytic", only_for="plane")
+@setup.options(not_for="analytic")
 def drift(
     mechanism: Mechanism,
     *,

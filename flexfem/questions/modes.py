@@ -81,7 +81,7 @@ class MechanismModes(Result):
     labels: ClassVar = {"motion": LIFTED}
 
 
-@options(not_for="payload tilting damping", only_for="plane force force_at")
+@options(not_for="payload tilting damping")
 def modes(
     mechanism: Mechanism,
     *,

@@ -12,18 +12,14 @@ from pathlib import Path
 from types import MappingProxyType, NoneType
 from typing import (
     Any,
-    Concatenate,
     Literal,
     NamedTuple,
-    ParamSpec,
-    Protocol,
     TypeAlias,
     TypeVar,
     cast,
     get_args,
     get_origin,
     get_type_hints,
-    overload,
 )
 
 import numpy as np
@@ -35,12 +31,7 @@ from flexfem.fem.mesh import LAYERS, RESOLUTION, StageMesh
 from flexfem.files.provenance import Sourced, assumptions
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.plate import has_sharp_corner
-from flexfem.paper.model import ModelChoice, choose
-from flexfem.paper.solutions import sectors_of as sectors_of
-from flexfem.paper.solutions import solved as solved
-from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput, printed
 from flexfem.results import AXES, SOLID, About, Progress, Result
 
@@ -49,14 +40,11 @@ Value = TypeVar("Value")
 Step = TypeVar("Step")
 Kind = TypeVar("Kind", bound=Result)
 Function = TypeVar("Function", bound=Callable[..., Any])
-Options = ParamSpec("Options")
-OfStage = TypeVar("OfStage", covariant=True)
-OfMechanism = TypeVar("OfMechanism", covariant=True)
 
 SUBJECTS = ("mechanism", "stage")  # names of the parameter that is what a question is about
 
 
-def question(function: Function, not_for: str = "", only_for: str = "") -> Function:
+def question(function: Function, not_for: str = "") -> Function:
     """Return a function that checks its arguments before it answers a question.
 
     A mechanism that has an answer of its own, see `Mechanism.answering`, is answered by that, with
@@ -65,7 +53,6 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
     Parameters
     ----------
     not_for : options that this function does not use; only an answer of its own may.
-    only_for : options that a mechanism with another kind of file does not have.
 
     Raises
     ------
@@ -89,21 +76,20 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
             if name in named and subject_name:
                 named[subject_name] = named.pop(name)
         given = signature.bind(*positional, **named).arguments
-        mechanism = given.get(subject_name)
-        own = None
-        if isinstance(mechanism, Mechanism):
+        answer = function
+        if subject_name:
+            mechanism = given[subject_name]
             require_kind(function.__name__, mechanism, hints()[subject_name])
-            own = mechanism.answering(function.__name__)
-            refused = _unused_options(mechanism, own, given, not_for, only_for)
-            _refuse_options(mechanism, own, signature, given, refused)
+            answer = mechanism.answering(function.__name__) or function
+            _refuse_options(answer, function, given, not_for)
         for name, value in given.items():
             check_word(name, value, hints().get(name))
-        if isinstance(mechanism, Mechanism):
+        if subject_name:
             mechanism.check()
-        if own is not None:
-            accepted = inspect.signature(own).parameters
-            taken = {name: given[name] for name in list(given)[1:] if name in accepted}
-            return own(mechanism, **taken)
+        if answer is not function:
+            _, *names = given
+            taken = {name: given[name] for name in names if _takes(answer, name)}
+            return answer(mechanism, **taken)
         if given.get("plane"):
             given[subject_name] = _in_plane(mechanism, given)
             return function(**given)
@@ -112,49 +98,52 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
     return cast(Function, checked)
 
 
-def options(not_for: str = "", only_for: str = "") -> Callable[[Function], Function]:
+def options(not_for: str = "") -> Callable[[Function], Function]:
     """Declare a `question` with options that it does not use; only an own answer may."""
-    return lambda function: question(function, not_for, only_for)
+    return lambda function: question(function, not_for)
 
 
-def require_kind(name: str, mechanism: Mechanism, expected: Any) -> None:
+def require_kind(name: str, mechanism: Any, expected: Any) -> None:
     """Raise BadInput for a mechanism of a kind that a question is not about."""
-    if not isinstance(mechanism, expected):
-        raise BadInput(
-            f"{mechanism.origin}: {name} is for a {expected.kind}, not for a {mechanism.kind}"
-        )
-
-
-def _unused_options(
-    mechanism: Mechanism,
-    own: Callable[..., Any] | None,
-    given: Mapping[str, Any],
-    not_for: str,
-    only_for: str,
-) -> list[str]:
-    """Return the given options that do not apply to a mechanism."""
-    if own is not None:
-        accepted = inspect.signature(own).parameters
-        return [name for name in list(given)[1:] if name not in accepted]
-    return (not_for if isinstance(mechanism, MechanismFile) else only_for).split()
+    if isinstance(mechanism, expected):
+        return
+    if not hasattr(mechanism, "kind"):
+        raise BadInput(f"{name}: {printed(mechanism)}, expected a mechanism, as flexfem.load gives")
+    raise BadInput(
+        f"{mechanism.origin}: {name} is for a {expected.kind}, not for a {mechanism.kind}"
+    )
 
 
 def _refuse_options(
-    mechanism: Mechanism,
-    own: Callable[..., Any] | None,
-    signature: inspect.Signature,
+    answer: Callable[..., Any],
+    function: Callable[..., Any],
     given: Mapping[str, Any],
-    refused: Sequence[str],
+    not_for: str,
 ) -> None:
-    """Raise BadInput for an option that is stated, and does not apply to a mechanism."""
-    known = "a stage file" if isinstance(mechanism, MechanismFile) else "a mechanism file"
-    for name in refused:
-        if name not in given or _is(given[name], signature.parameters[name].default):
+    """Raise BadInput for an option that is stated, and does not apply to a mechanism.
+
+    answer : the function that answers: an own one of the mechanism, or the question itself.
+    """
+    mechanism, *names = given
+    defaults = inspect.signature(function).parameters
+    unused = [name for name in names if not _takes(answer, name)]
+    if answer is function:
+        unused = not_for.split()
+    for name in unused:
+        if name not in given or _is(given[name], defaults[name].default):
             continue
         option = f"{name} {printed(given[name])}".removesuffix(" True")
         if name == "analytic":
             option = "mobility, formula or links"
-        raise BadInput(f"{option}: an option for {known}, not for a {mechanism.kind}")
+        raise BadInput(f"{option}: not an option for a {given[mechanism].kind}")
+
+
+def _takes(function: Callable[..., Any], name: str) -> bool:
+    """Whether a function has a parameter, or takes any."""
+    parameters = inspect.signature(function).parameters
+    return name in parameters or any(
+        one.kind is inspect.Parameter.VAR_KEYWORD for one in parameters.values()
+    )
 
 
 def _is(value: Any, default: Any) -> bool:
@@ -165,12 +154,7 @@ def _is(value: Any, default: Any) -> bool:
 def kind_of_answer(asked: Callable[..., Any], mechanism: Mechanism) -> type[Result]:
     """Return the kind of result of a question about a mechanism."""
     own = mechanism.answering(asked.__name__)
-    kind = get_type_hints(own or asked)["return"]
-    if own is not None:
-        return cast(type[Result], kind)
-    if get_args(kind):  # one of a stage, and one of others
-        return cast(type[Result], get_args(kind)[isinstance(mechanism, MechanismFile)])
-    return kind
+    return cast(type[Result], get_type_hints(own or asked)["return"])
 
 
 def check_word(name: str, value: Any, hint: Any) -> None:
@@ -198,28 +182,6 @@ def _in_plane(mechanism: Any, given: Mapping[str, Any]) -> Any:
     return mechanism
 
 
-class OfBoth(Protocol[Options, OfStage, OfMechanism]):
-    """A question about stages and mechanisms, whose results are of different kinds."""
-
-    @overload
-    def __call__(self, stage: Stage, *args: Options.args, **kwargs: Options.kwargs) -> OfStage: ...
-    @overload
-    def __call__(
-        self, stage: Mechanism, *args: Options.args, **kwargs: Options.kwargs
-    ) -> OfMechanism: ...
-
-
-def for_mechanisms(
-    of_stage: type[OfStage], of_mechanism: type[OfMechanism], not_for: str = "", only_for: str = ""
-) -> Callable[
-    [Callable[Concatenate[Mechanism, Options], Any]], OfBoth[Options, OfStage, OfMechanism]
-]:
-    """Declare the kinds of result of `options` about stages and mechanisms, where they are
-    different quantities.
-    """
-    return lambda function: cast(Any, question(function, not_for, only_for))
-
-
 class Analytic(NamedTuple):
     """The analytic model of a question.
 
@@ -240,14 +202,6 @@ class Analytic(NamedTuple):
     mobility: int | None = None
     formula: str | None = None
     links: bool = False
-
-    def chosen(self, stage: Stage, warnings: list[str], models: Models = "both") -> ModelChoice:
-        """Return the model of a stage; append warnings of charts that do not cover it, unless
-        models is "elements".
-
-        Raises BadInput for a model that does not suit the stage.
-        """
-        return choose(stage, *self, [] if models == "elements" else warnings)
 
 
 DEFAULT = Analytic()
@@ -345,11 +299,6 @@ def require_hinges(plate: Mechanism, clause: str, expected: str) -> None:
         raise BadInput(f"{plate.origin}: no [[hinge]], {clause}, expected {expected}")
 
 
-def lever_of(mechanism: Mechanism) -> float:
-    """Return the lever, mm: a rotation times it is comparable with a translation."""
-    return mechanism.lever
-
-
 def on_meshes(
     steps: Sequence[Step], solve: Callable[[Step], Value], progress: Progress | None = None
 ) -> list[Value]:
@@ -386,22 +335,13 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     )
 
 
-def about(
-    mechanism: Mechanism,
-    heat: bool = False,
-    drive: bool = False,
-    files: Mapping[str, Sourced] = NOTHING,
-) -> About:
+def about(mechanism: Mechanism, files: Mapping[str, Sourced] = NOTHING) -> About:
     """Return a mechanism, with other files by name, as the subject of a result."""
     doubts = assumptions([("", mechanism), *((f"{name}: ", file) for name, file in files.items())])
-    digest = mechanism.hash
-    if isinstance(mechanism, Stage) and (heat or drive):
-        doubts = mechanism.heat_assumptions if heat else mechanism.drive_assumptions
-        digest = mechanism.heat_hash if heat else mechanism.drive_hash
     return About(
         mechanism.name,
         str(mechanism.origin),
-        digest,
+        mechanism.hash,
         tuple(doubts.assumed),
         tuple(doubts.not_stated),
         mechanism.lever,
@@ -462,7 +402,7 @@ def result_of(
 
 def answer(
     kind: type[Kind],
-    subject: Mechanism | About,
+    mechanism: Mechanism,
     models: Mapping[str, ModelAnswer],
     mesh: Mesh | None,
     settings: Mapping[str, Any] = NOTHING,
@@ -475,12 +415,7 @@ def answer(
 
     It has the axes hinge, body, point and actuator of the mechanism, and the warnings and notes
     that apply to every question."""
-    if isinstance(subject, About):
-        return result_of(kind, subject, models, mesh, settings, values, axes, bands, **others)
-    of = about(subject)
-    if not isinstance(subject, MechanismFile):
-        return result_of(kind, of, models, mesh, settings, values, axes, bands, **others)
-    layout = subject.layout
+    layout = mechanism.layout
     found = [*values, *chain.from_iterable(model.values for model in models.values())]
     warnings = [*others.pop("warnings", ())]
     if mesh is not None and has_peaks(kind, found):
@@ -490,7 +425,7 @@ def answer(
     notes = [*others.pop("notes", ()), *notes_on_models(layout, models, mesh)]
     return result_of(
         kind,
-        of,
+        about(mechanism),
         models,
         mesh,
         settings,

@@ -684,9 +684,9 @@ def _of_buckling(loads: Array, yield_force: Array) -> list[str]:
                 text += f"; the linear force at yield is {_as_load(at_yield, axis)}"
                 senses_of.setdefault((direction, text), []).append(sense)
     warnings = list[str]()
-    for (direction, text), senses in senses_of.items():
+    for (along, text), senses in senses_of.items():
         sign = "±" if len(senses) == 2 else senses[0]
-        warnings.append(f"hinges buckle before they yield along {sign}{direction}: {text}")
+        warnings.append(f"hinges buckle before they yield along {sign}{along}: {text}")
     return warnings
 
 

@@ -185,7 +185,7 @@ def test_drawings_name_the_parts_and_show_the_displacement(nod, folder):
 REFUSED = {
     "identify nod.toml x.toml": "identify is for a stage file, not for a mechanism file",
     "export nod.toml -o x.dxf --holes 3": "mounting holes of 3 mm",
-    "stiffness nod.toml --mobility 3": "an option for a stage file",
+    "stiffness nod.toml --mobility 3": "not an option for a mechanism file",
     "report nod.toml -o x.html --sections life --amplitude 1 0 0": "section life, expected",
     "study status nod.toml": "expected a study file",
 }
