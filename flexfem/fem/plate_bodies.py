@@ -58,19 +58,28 @@ def body_compliances(layout: Layout, mesh: StageMesh) -> tuple[ElasticBody, ...]
     solved = list[tuple[_Marks, ElasticBody]]()
     found = dict[int, ElasticBody]()
     for body in sorted(moving, key=lambda body: -len(interfaces(layout, body))):
-        at = interfaces(layout, body)
         marks = _marks(layout, body)
-        for others, other in solved:
-            if (alike := _alike(others, marks)) is not None:
-                move, place = alike
-                T = np.kron(np.eye(len(at)), move.of_twists)
-                rows = (3 * place[: len(at), None] + [0, 1, 2]).ravel()
-                found[body] = ElasticBody(body, at, T @ other.compliance[np.ix_(rows, rows)] @ T.T)
-                break
-        else:
-            found[body] = _elastic_body(layout, mesh, body)
-            solved.append((marks, found[body]))
+        moved = _moved_body(layout, body, marks, solved)
+        if moved is None:
+            moved = _elastic_body(layout, mesh, body)
+            solved.append((marks, moved))
+        found[body] = moved
     return tuple(found[body] for body in moving)
+
+
+def _moved_body(
+    layout: Layout, body: int, marks: _Marks, solved: list[tuple[_Marks, ElasticBody]]
+) -> ElasticBody | None:
+    """Return a body by an equal one among those that are solved; None without one."""
+    at = interfaces(layout, body)
+    for others, other in solved:
+        alike = _alike(others, marks)
+        if alike is not None:
+            move, place = alike
+            T = np.kron(np.eye(len(at)), move.of_twists)
+            rows = (3 * place[: len(at), None] + [0, 1, 2]).ravel()
+            return ElasticBody(body, at, T @ other.compliance[np.ix_(rows, rows)] @ T.T)
+    return None
 
 
 def _marks(layout: Layout, number: int) -> _Marks:
@@ -83,17 +92,17 @@ def _marks(layout: Layout, number: int) -> _Marks:
             joint = layout.joints[one.hinge]
             tip = joint.place + joint.profile.length * np.exp(1j * joint.heading)
             marks.append((joint.place, tip, (joint.sided[0], joint.cut, one.far)))
-    for joint in (
-        joint for joint in layout.joints if number in joint.bodies and not joint.profile.symmetric
-    ):
-        profile, left = joint.sided
-        marks.append((joint.place, joint.place + joint.profile.length * left, ("left", profile)))
-    for k, edge in enumerate(edge for loop in (body.outline, *body.holes) for edge in loop):
+    for joint in layout.joints:
+        if number in joint.bodies and not joint.profile.symmetric:
+            profile, left = joint.sided
+            tip = joint.place + joint.profile.length * left
+            marks.append((joint.place, tip, ("left", profile)))
+    edges = [edge for loop in (body.outline, *body.holes) for edge in loop]
+    for k, edge in enumerate(edges):
         kind = ("edge", k in body.clamped, body.material)
         marks += [(complex(edge.at(0.5)), end, kind) for end in (edge.start, edge.end)]
-    return _Marks(
-        np.array([mark[:2] for mark in marks]), np.array([hash(mark[2]) for mark in marks])
-    )
+    points = np.array([mark[:2] for mark in marks])
+    return _Marks(points, np.array([hash(mark[2]) for mark in marks]))
 
 
 def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
@@ -103,10 +112,9 @@ def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
 
     The other body can have fewer patches.
     """
-    is_patch, those = (marks.points[:, 0] == marks.points[:, 1] for marks in (one, other))
-    if is_patch[0] or not np.array_equal(
-        np.sort(one.kinds[~is_patch]), np.sort(other.kinds[~those])
-    ):
+    is_patch, of_other = (marks.points[:, 0] == marks.points[:, 1] for marks in (one, other))
+    fixed_kinds = np.sort(one.kinds[~is_patch])
+    if is_patch[0] or not np.array_equal(fixed_kinds, np.sort(other.kinds[~of_other])):
         return None
     same = one.kinds[:, None] == other.kinds
     tolerance = ALIKE * np.abs(one.points).max()
@@ -145,7 +153,8 @@ def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
     plate = plate_of_layout(layout, mesh=part)
     C = factorised_whole(structure(part, plate, held=near, sections=[far])).response().compliance
     if joint.profile.symmetric:
-        C[0, 1:] = C[1:, 0] = 0.0
+        C[0, 1:] = 0.0
+        C[1:, 0] = 0.0
     return C
 
 
