@@ -18,16 +18,17 @@ from flexfem.paper.fixture import (
     Fixture,
     ForceSensor,
     Lvdt,
+    MeasuredSlopes,
     Pushes,
     Run,
     fixture_of,
     measured_of,
     pushes_of,
 )
-from flexfem.paper.model import DEFAULT_FORMULA, analyse, best_model
+from flexfem.paper.model import DEFAULT_FORMULA, AnalyticResult, analyse, best_model
 from flexfem.paper.solutions import solved
 from flexfem.paper.stage import Stage
-from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, question
+from flexfem.questions.setup import Analytic, Mesh, Models, about, mesh_of, meshed, question
 from flexfem.questions.warnings import of_yield
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
@@ -195,76 +196,146 @@ def experiment(
     others = {} if measured is None else {"measured": measured_of(measured)}
     warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
     paper = analyse(stage, analytic.mobility, analytic.formula or DEFAULT_FORMULA, analytic.links)
-    if mesh is None:
-        best = analyse(
-            *best_model(stage, warnings)._replace(stage=stage)
-        )  # of one plane with finite elements
-        name = best.name
-        C = best.compliance
-    else:
-        name = f"finite elements, {PLANES[stage.model]}"
-        C = solved(stage, mesh.resolution).compliance
-        if progress is not None:
-            progress("the stage is solved")
-    pushes = pushes_of(set_up)
+    actual = _pushed_stage(stage, mesh, warnings)
+    if mesh is not None and progress is not None:
+        progress("the stage is solved")
+    C = actual.compliance
     run = set_up.run
-    load, displacement = simulated(pushes, C, set_up)
-    lines = [
-        _fitted_slope(run, *readings)
-        for readings in zip(load, displacement, DIRECTIONS, strict=True)
-    ]
-    fitted, low, high, intercept = np.transpose(lines)
+    pushes = pushes_of(set_up)
+    readings = _readings(pushes, C, set_up)
     measurement = others.get("measured", set_up).measured
-    slopes, measured_sd = np.full((2, 3), np.nan) if measurement is None else measurement.slopes
-    modelled = 1 / np.diag(paper.compliance)
-    actual = 1 / np.diag(C)
     shares = np.array(pushes.shares(C))
-    total = np.sum(shares, axis=0)
-    reference, apparent = (
-        (1 / shares[0], slopes) if measurement else (modelled, modelled * (1 - SOFTER / 100))
-    )
-    spring = spring_in_series(reference, apparent)
-    deviations = [actual / modelled, fitted / modelled, slopes / modelled, slopes / actual]
+    slopes = _Slopes.of(paper, C, readings, measurement)
+    if measurement is None:
+        loss = _loss(slopes.modelled, slopes.modelled * (1 - SOFTER / 100))
+        source = "the text of the paper"
+    else:
+        loss = _loss(1 / shares[0], slopes.measured)
+        source = "the measured slopes"
     confidence = f"{run.confidence_percent:g} %"
+    settings = {
+        "fixture": set_up.name,
+        "model": paper.name,
+        "stage": actual.name,
+        "confidence": confidence,
+    }
     return Experiment(
         about(stage, files={"fixture": set_up, **others}),
-        {
-            "slope": np.stack([modelled, actual, fitted, slopes], axis=1),
-            "deviation": 100 * (np.stack(deviations, axis=1) - 1),
-            "share": 100 * (shares / total).T,
-            "low": low,
-            "high": high,
-            "softer": 100 * (1 - apparent / reference),
-            "spring": spring,
-            "ratio": spring / reference,
-            "pole": 1 / np.where(shares[1] > 0, shares[1], np.nan),
-            "noiseless": 1 / total,
-            "intercept": intercept,
-            "explained": reference,
-            "measured_sd": measured_sd,
-            "stroke": run.strokes,
-            "load": load,
-            "displacement": displacement,
-        },
+        readings.values() | slopes.values() | loss | _of_fixture(shares) | {"stroke": run.strokes},
         axes={
             "repeat": [str(k + 1) for k in range(run.repeats)],
             "increment": [str(k) for k in range(run.increments + 1)],
         },
-        settings={
-            "fixture": set_up.name,
-            "model": paper.name,
-            "stage": name,
-            "confidence": confidence,
-        }
-        | meshed(mesh),
+        settings=settings | meshed(mesh),
         warnings=warnings + _warnings(stage, set_up, pushes, C),
         notes=[
-            "loss of stiffness: from "
-            f"{'the text of the paper' if measurement is None else 'the measured slopes'}",
+            f"loss of stiffness: from {source}",
             f"intervals of {confidence} by Fieller's theorem",
             NOT_THE_PAPERS,
         ],
     )
+
+
+class _PushedStage(NamedTuple):
+    """The stage that is pushed: name of its model, and compliance (3, 3)."""
+
+    name: str
+    compliance: Array
+
+
+def _pushed_stage(stage: Stage, mesh: Mesh | None, warnings: list[str]) -> _PushedStage:
+    """Return the stage by finite elements, or by the best analytic model of the same plane."""
+    if mesh is not None:
+        solution = solved(stage, mesh.resolution)
+        return _PushedStage(f"finite elements, {PLANES[stage.model]}", solution.compliance)
+    best = analyse(*best_model(stage, warnings)._replace(stage=stage))
+    return _PushedStage(best.name, best.compliance)
+
+
+class _Readings(NamedTuple):
+    """Simulated readings (3, repeats, n), and the slopes (3,) fitted to them, with intervals."""
+
+    load: Array
+    displacement: Array
+    slope: Array
+    low: Array
+    high: Array
+    intercept: Array
+
+    def values(self) -> dict[str, Array]:
+        """Return the quantities of a result."""
+        found = self._asdict()
+        del found["slope"]  # beside the others
+        return found
+
+
+def _readings(pushes: Pushes, C: Array, fixture: Fixture) -> _Readings:
+    """Simulate the readings on a stage of compliance C (3, 3). Raises ComputationFailed."""
+    load, displacement = simulated(pushes, C, fixture)
+    lines = [
+        _fitted_slope(fixture.run, *readings)
+        for readings in zip(load, displacement, DIRECTIONS, strict=True)
+    ]
+    return _Readings(load, displacement, *np.transpose(lines))
+
+
+class _Slopes(NamedTuple):
+    """Slopes (3,) of the model, of the stage that is pushed, fitted to readings, and measured."""
+
+    modelled: Array
+    actual: Array
+    fitted: Array
+    measured: Array
+    measured_sd: Array
+
+    @classmethod
+    def of(
+        cls,
+        paper: AnalyticResult,
+        C: Array,
+        readings: _Readings,
+        measurement: MeasuredSlopes | None,
+    ) -> _Slopes:
+        """Return the slopes; nan where none are measured."""
+        unknown = np.full(3, np.nan)
+        measured, sd = (unknown, unknown) if measurement is None else measurement.slopes
+        modelled = 1 / np.diag(paper.compliance)
+        return cls(modelled, 1 / np.diag(C), readings.slope, measured, sd)
+
+    def values(self) -> dict[str, Array]:
+        """Return the quantities of a result: slopes, and their deviations in per cent."""
+        deviations = [
+            self.actual / self.modelled,
+            self.fitted / self.modelled,
+            self.measured / self.modelled,
+            self.measured / self.actual,
+        ]
+        return {
+            "slope": np.stack(self[:4], axis=1),
+            "deviation": 100 * (np.stack(deviations, axis=1) - 1),
+            "measured_sd": self.measured_sd,
+        }
+
+
+def _loss(reference: Array, apparent: Array) -> dict[str, Array]:
+    """Return the loss from a stiffness (3,) to an apparent one, and the spring that explains it."""
+    spring = spring_in_series(reference, apparent)
+    return {
+        "softer": 100 * (1 - apparent / reference),
+        "spring": spring,
+        "ratio": spring / reference,
+        "explained": reference,
+    }
+
+
+def _of_fixture(shares: Array) -> dict[str, Array]:
+    """Return what follows from the compliances (3 parts, 3) of stage, pole and bar in series."""
+    total = np.sum(shares, axis=0)
+    return {
+        "share": 100 * (shares / total).T,
+        "pole": 1 / np.where(shares[1] > 0, shares[1], np.nan),
+        "noiseless": 1 / total,
+    }
 
 
 def spring_in_series(stage: ArrayLike, apparent: ArrayLike) -> Array:
