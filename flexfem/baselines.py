@@ -65,9 +65,8 @@ class Stored(BaseModel, extra="forbid"):
     numbers: dict[str, dict[str, Annotated[list[float], Field(min_length=1, max_length=2)]]]
 
 
-QUESTIONS: dict[
-    str, Callable[[Any], Result]
-] = {  # of a mechanism; those that do not apply are omitted
+# of a mechanism; those that do not apply are omitted
+QUESTIONS: dict[str, Callable[[Any], Result]] = {
     "stiffness": partial(stiffness, force=FORCE),
     "drift": flexfem.drift,
     "modes": partial(flexfem.modes, resolution=4),

@@ -16,7 +16,8 @@ from flexfem.questions.stiffness import stiffness
 from flexfem.results import Result
 from flexfem.study.loaded import LoadedStudy, mechanism_of
 
-LINEAR = {  # numbers by linear theory, and the range at finite displacement that they stand for
+# numbers by linear theory, and the range at finite displacement that they stand for
+LINEAR = {
     "yield_range": ("range", "held"),
     "yield_force": ("range_force", "held"),
     "free_yield_range": ("range", "free"),

@@ -155,9 +155,8 @@ class Model:
     soft: int | None = None
     counts: Counter[str] = field(default_factory=Counter)
     say: Progress = silent
-    known: dict[bytes, Rows] = field(
-        default_factory=dict
-    )  # rows of mechanisms, which take 20 ms each
+    # rows of designs that are computed alone, which take 20 ms each
+    known: dict[bytes, Rows] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.required, self.space = self.loaded.requirements, DesignSpace(self.loaded.columns)

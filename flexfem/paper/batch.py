@@ -41,9 +41,8 @@ from flexfem.study.plan import Study
 
 LOWEST = 3  # natural frequencies: the three modes of the rigid platform on its hinges
 MOST = 4096  # designs at a time, which bounds the memory
-MOST_STAGES = (
-    512  # the same where every design needs a stage, which takes 60 kB until the batch is done
-)
+# the same where every design needs a stage, which takes 60 kB until the batch is done
+MOST_STAGES = 512
 # designs in a part: by arrays, with stages, and with elastic links
 BROADCAST = 8192
 DRAWN = 512

@@ -183,12 +183,10 @@ OPTIONAL = tuple(dict.fromkeys(group.table for group in GROUPS if group.table))
 LIFE_AMPLITUDES = LIVES[1:4]
 MEANINGS = {group.names: group.meaning for group in GROUPS}
 LABELS = {name: label for group in GROUPS for name, label in group.labels.items()}
-CROSS = dict(
-    zip(STIFFNESSES[3:], combinations(STIFFNESSES[:3], 2), strict=True)
-)  # with those along each direction
-SCALES = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(
-    CROSSES, 100.0
-)  # of other columns that may vanish
+# stiffnesses across directions, each with those along both
+CROSS = dict(zip(STIFFNESSES[3:], combinations(STIFFNESSES[:3], 2), strict=True))
+# sizes of other columns that may vanish
+SCALES = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(CROSSES, 100.0)
 
 
 def outputs_of(*tables: str, moved: Sequence[float] = ()) -> tuple[str, ...]:
@@ -212,9 +210,8 @@ def sizes_of(columns: Mapping[str, Array]) -> dict[str, Array]:
             sizes[name] = np.sqrt(np.abs(columns[first] * columns[second]))
     if DRIFTS[0] in columns:
         x, y, theta = (np.abs(columns[name]) for name in DRIFTS)
-        sizes |= dict.fromkeys(
-            DRIFTS[:2], np.maximum(np.maximum(x, y), 1e-3 * theta)
-        )  # um per urad at 1 mm
+        translation = np.maximum(np.maximum(x, y), 1e-3 * theta)  # um per urad at 1 mm
+        sizes |= dict.fromkeys(DRIFTS[:2], translation)
     return sizes
 
 

@@ -183,9 +183,8 @@ def non_dominated(points: Array, larger: tuple[bool, bool] = (True, True)) -> In
     y = y[order]
     best = np.maximum.accumulate(np.concatenate([[-np.inf], y]))
     first = np.concatenate([[True], x[1:] != x[:-1]])[: len(order)]
-    group = np.maximum.accumulate(
-        np.where(first, np.arange(len(order)), 0)
-    )  # index of the first design of equal x
+    # index of the first design of equal x
+    group = np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))
     return np.asarray(order[(y > best[group]) & (y == y[group])], dtype=np.int64)
 
 

@@ -30,6 +30,7 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, changed_outputs, factor_warnings
 from flexfem.study.columns import Rows, row_of
 from flexfem.study.loaded import LoadedStudy, sample
+from flexfem.study.plan import Study
 from flexfem.study.workers import (
     ExecutorWorkers,
     Failure,
@@ -432,10 +433,11 @@ def _failed(counts: Counts) -> bool:
 
 def _limit(task: Any) -> float:
     """Return the seconds that a `Task` may take."""
-    study = task.parts.loaded.study
+    study: Study = task.parts.loaded.study
     if study.model == "analytic":
         return ANALYTIC_LIMIT
-    return len(task.piece) * (study.time_limit + SLACK)
+    seconds: float = len(task.piece) * (study.time_limit + SLACK)
+    return seconds
 
 
 def _write_facts(parts: Parts) -> None:

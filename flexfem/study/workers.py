@@ -316,9 +316,8 @@ def dask_client(scheduler: str) -> Iterator[Any]:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
         raise BadInput(f"{named}: Dask is not installed, expected flexfem[dask]") from None
-    logging.getLogger("distributed").setLevel(
-        logging.CRITICAL
-    )  # an error is one line, that of flexfem
+    # an error is one line, that of flexfem
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
     place = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
     try:
         client: Any = distributed.Client(**place, timeout=CONNECTING, set_as_default=False)
