@@ -388,31 +388,53 @@ def _problem(
     """Return the problem, labels of the fixture's numbers and the model's name; place: of the
     slopes, for errors.
     """
-    assert measured.measured is not None, "of `measured_of`"
-    value, sd = measured.measured.slopes
+    value, sd = _checked_slopes(measured, place)
     axes = np.flatnonzero(~np.isnan(value))
-    keys = ("kxx_sd_n_per_mm", "kyy_sd_n_per_mm", "ktt_sd_n_mm_per_rad")
-    if missing := [f"measured.{keys[k]}" for k in axes if np.isnan(sd[k])]:
-        raise BadInput(f"{', '.join(missing)}: expected, because the intervals require it", place)
     pushes = pushes_of(measured) if isinstance(measured, Fixture) else IDEAL
     offsets, C, model = _stages_with_offsets(stage, warnings)
     of_stage, pole, bar = pushes.shares(C)
-    described = bool(np.any(pole[axes] > 0))
-    if unknown == "pole" and not described:
-        raise BadInput('unknown "pole", expected springs: these readings include no pole', place)
     rigid = (of_stage + bar)[:, axes]
     if not np.all(rigid > 0):
         raise ComputationFailed(
             f"{place}: a slope of this stage on a rigid fixture is not positive"
         )
-    spline = CubicSpline(offsets, np.log(rigid))
-    springs: dict[str, AnyArray] = {"translation": axes < 2, "rotation": axes == 2}
-    columns = {"pole": pole[axes]} if described and unknown != "springs" else springs
-    columns = {name: column for name, column in columns.items() if np.any(column)}
+    columns = _columns_of_fixture(pole, axes, unknown, place)
     added = np.column_stack(list(columns.values())).astype(float)
+    spline = CubicSpline(offsets, np.log(rigid))
     largest = SOFTEST / np.max(added / np.exp(spline(0.0))[:, None], axis=0)
     bounds = np.array([[offsets[0], offsets[-1]], *([0.0, end] for end in largest)])
     return SlopeProblem(axes, value[axes], sd[axes], spline, added, bounds), list(columns), model
+
+
+def _checked_slopes(measured: Fixture | Measurement, place: str) -> tuple[Array, Array]:
+    """Return measured slopes (3,) and their standard deviations. Raises BadInput without these."""
+    assert measured.measured is not None, "of `measured_of`"
+    value, sd = measured.measured.slopes
+    keys = ("kxx_sd_n_per_mm", "kyy_sd_n_per_mm", "ktt_sd_n_mm_per_rad")
+    missing = [
+        f"measured.{key}"
+        for key, slope, deviation in zip(keys, value, sd, strict=True)
+        if np.isnan(deviation) and not np.isnan(slope)
+    ]
+    if missing:
+        raise BadInput(f"{', '.join(missing)}: expected, because the intervals require it", place)
+    return value, sd
+
+
+def _columns_of_fixture(
+    pole: Array, axes: AnyArray, unknown: Unknown | None, place: str
+) -> dict[str, AnyArray]:
+    """Return what each number of the fixture adds to the compliances of the slopes (m,), by name.
+
+    pole : (3,), compliance of the described pole. Raises BadInput for a pole that is not described.
+    """
+    described = bool(np.any(pole[axes] > 0))
+    if unknown == "pole" and not described:
+        raise BadInput('unknown "pole", expected springs: these readings include no pole', place)
+    columns: dict[str, AnyArray] = {"translation": axes < 2, "rotation": axes == 2}
+    if described and unknown != "springs":
+        columns = {"pole": pole[axes]}
+    return {name: column for name, column in columns.items() if np.any(column)}
 
 
 def _stages_with_offsets(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
