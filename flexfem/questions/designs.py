@@ -7,7 +7,7 @@ plane stress are given, since each takes milliseconds (`hinges.wide`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,17 +19,15 @@ from flexfem.hinges.many import beam_integrals, highest_stress, is_same
 from flexfem.mechanism.layout import Constants, Patch
 from flexfem.mechanism.layouts import HingeDesigns, Layouts
 
+OF_STRESS = ("stress", "yield_range", "free_yield_range", "yield_force")
 AT_REST = (
     "compliance",
     "stiffness",
     "held",
     "free",
-    "stress",
-    "yield_range",
-    "free_yield_range",
-    "yield_force",
     "input_stiffness",
     "amplification",
+    *OF_STRESS,
 )  # quantities of `Stiffness`
 RatiosOf = Callable[[HingeDesigns], Array | None]
 """Function of a hinge that returns ratios (n, 3), or (3,), of its axial, transverse and rotational
@@ -66,10 +64,13 @@ def _same(one: Constants, other: Constants) -> bool:
     return all(np.array_equal(a, b) for a, b in zip(one[:5], other[:5], strict=True))
 
 
-def at_rest(layouts: Layouts, ratios_of: RatiosOf) -> dict[str, Array]:
-    """Return the quantities `AT_REST` (n, ...) of n designs, in internal units.
+def at_rest(
+    layouts: Layouts, ratios_of: RatiosOf, wanted: Collection[str] = AT_REST
+) -> dict[str, Array]:
+    """Return quantities of `AT_REST` (n, ...) of n designs, in internal units.
 
-    nan for a design without a solution, and in quantities of actuators without any.
+    nan for a design without a solution. Stress, which takes most of the time, is computed where it
+    is `wanted`, or a range at yield.
     """
     with np.errstate(all="ignore"):
         groups = [_with_stiffness(layouts, group, ratios_of) for group in alike_hinges(layouts)]
@@ -77,7 +78,9 @@ def at_rest(layouts: Layouts, ratios_of: RatiosOf) -> dict[str, Array]:
         found = network.response()
         values = _of_output(found.compliance[:, :3, :3])
         values |= _of_inputs(found.compliance)
-        return values | _of_stress(layouts, groups, found, values)
+        if not {*wanted}.isdisjoint(OF_STRESS):
+            values |= _of_stress(layouts, groups, found, values)
+        return values
 
 
 def _with_stiffness(layouts: Layouts, numbers: tuple[int, ...], ratios_of: RatiosOf) -> AlikeHinges:

@@ -32,7 +32,7 @@ from flexfem.study.plan import Study
 
 MOST = 4096  # designs of one call: of a mechanism with 24 hinges they take 200 MB
 PART = 8192
-FEW = 100  # designs of a study below which every hinge is computed alone
+FEW = 100  # designs of a study at once below which their wide hinges are computed one by one
 WIDEST = 5.0  # standard deviations of a factor between which hinges are fitted
 MOST_MOVED = 10  # columns with an effect on a hinge that is fitted
 QUESTION = "stiffness"
@@ -163,7 +163,8 @@ class ArrayBatch:
 
     def _solved(self, layouts: Layouts) -> Array:
         """Return the outputs (n, outputs) of designs that are not refused."""
-        values = at_rest(layouts, lambda hinge: self._ratios(layouts, hinge))
+        wanted = {each.quantity for each in self._found}
+        values = at_rest(layouts, lambda hinge: self._ratios(layouts, hinge), wanted)
         flat = {name: value.reshape(layouts.number, -1) for name, value in values.items()}
         return np.column_stack(
             [each.factor * flat[each.quantity][:, each.place] for each in self._found]
@@ -174,13 +175,15 @@ class ArrayBatch:
     def _ratios(self, layouts: Layouts, hinge: HingeDesigns) -> Array | None:
         if self.base.model != "three_dimensional":
             return None
-        return _wide(layouts, hinge).ratios(self._fits.get(hinge.name))
+        is_search = self.study.count == 1  # which has no number of designs
+        fits = self._fits if is_search or layouts.number >= FEW else {}
+        return _wide(layouts, hinge).ratios(fits.get(hinge.name))
 
     @cached_property
     def _fits(self) -> dict[str, SmoothFit]:
         """Fits of the ratios of wide hinges by name, of those that vary between known ends."""
         space = _Space.of([column.factor for column in self.columns])
-        if space is None or 1 < self.study.count < FEW:
+        if space is None:
             return {}
         fits = dict[str, SmoothFit]()
         layouts = self._layouts(space.one_by_one())
