@@ -35,6 +35,11 @@ PART = 8192
 FEW = 100  # designs of a study at once below which their wide hinges are computed one by one
 WIDEST = 5.0  # standard deviations of a factor between which hinges are fitted
 MOST_MOVED = 10  # columns with an effect on a hinge that is fitted
+HOW_CHECKED = (
+    "designs are computed as arrays and refused by closed-form conditions; overlaps and clearances "
+    'of the drawing are not checked, as with check = "drawing"; ratios of hinges in three '
+    f"dimensions are fitted to {COARSEST:.0e} or better"
+)
 QUESTION = "stiffness"
 
 

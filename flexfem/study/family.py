@@ -324,10 +324,10 @@ class Family:
     @property
     def accuracy(self) -> str:
         """Text on the error of the numbers."""
-        return (
-            "the command of a question, for one mechanism, gives bands and the values of other "
-            "models"
-        )
+        single = "the command of a question, for one mechanism, gives bands and other models"
+        if self.batch is None:
+            return single
+        return f"{single}; {arrays.HOW_CHECKED}"
 
 
 def family_of(base: Mechanism, study: Study, columns: Sequence[Column] = ()) -> Family:

@@ -63,7 +63,6 @@ OF_STAGE = (
     "mobility",
     "links",
     "bands",
-    "check",
     "drive",
     "frequencies",
     "life",
