@@ -25,14 +25,12 @@ from flexfem.units import DIRECTIONS, Direction
 COARSER = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)
 # theoretical order of the platform compliance with quadratic triangles: twice that of the strain
 ORDER = 4.0
-CORNER_ORDER = (
-    1.4  # twice Williams' displacement exponent at a clamped corner: 0.69 at nu = 0.33, 0.71 at 0.3
-)
-STRESS_ORDER = (
-    3.0  # between 2, of strains in quadratic triangles, and 4, of the platform compliance
-)
-SAFETY = 1.25
-CAUTIOUS = 3.0  # safety factors of Roache: with the observed order, and with the theoretical one
+# twice Williams' displacement exponent at a clamped corner: 0.69 at nu = 0.33, 0.71 at 0.3
+CORNER_ORDER = 1.4
+# between 2, of strains in quadratic triangles, and 4, of the compliance of the output
+STRESS_ORDER = 3.0
+SAFETY = 1.25  # safety factor of Roache with the observed order
+CAUTIOUS = 3.0  # the same with the theoretical order
 TRUSTED = (1.0, 6.0)  # an observed order outside does not indicate the asymptotic range
 # times the least stiffness of an output: `new` writes mechanisms that move below 42 and guide above
 # 154

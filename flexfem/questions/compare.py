@@ -1,6 +1,4 @@
-"""Where a drawing, or another mechanism, departs from a mechanism, and what that does to its
-stiffness.
-"""
+"""Where a drawing, or another mechanism, departs from a mechanism, and what that does."""
 
 from __future__ import annotations
 
@@ -34,9 +32,8 @@ from flexfem.units import DIRECTIONS
 
 # distance of a hinge from that of the mechanism, per its length, up to which they are the same one
 NEAR = 0.5
-SAME_FRAME = (
-    0.05  # area of which only one plate consists, per area, up to which both have the same axes
-)
+# area of which only one plate consists, per area, up to which both have the same axes
+SAME_FRAME = 0.05
 SIGNIFICANT = 1e-4  # um, a smaller difference is round-off
 QUARTERS = (1, 1j, -1, -1j)
 
@@ -119,12 +116,12 @@ def compare(
     paths = [checked_path(path) for path in files]
     if is_drawing(paths[0]) and not is_drawing(paths[1]):
         paths.reverse()
-    base = _mechanism(load(paths[0], reading if is_drawing(paths[0]) else NO_READING), paths[0])
+    base = _mechanism(paths[0], reading if is_drawing(paths[0]) else NO_READING)
     notes = list[str]()
     if is_drawing(paths[1]):
         other, move = _drawn(paths[1], reading, base, notes)
     else:
-        other = _mechanism(load(paths[1]), paths[1])
+        other = _mechanism(paths[1])
         move = Move()
     compared = [*_hinges(base.layout, other.layout, move)]
     hinges = [each for each in compared if each.other or any(each[1:-1])]
@@ -148,12 +145,14 @@ def compare(
     )
 
 
-def _mechanism(plate: Any, path: Path) -> Mechanism:
-    if not isinstance(plate, MechanismFile):
+def _mechanism(path: Path, reading: Reading = NO_READING) -> Mechanism:
+    """Load a mechanism file or a drawing. Raises BadInput for another kind of file."""
+    mechanism = load(path, reading)
+    if mechanism.kind != MechanismFile.kind:
         raise BadInput(
-            f"{place_of(path)}: this is a stage file, expected a mechanism file or a drawing"
+            f"{place_of(path)}: this is a {mechanism.kind}, expected a mechanism file or a drawing"
         )
-    return plate
+    return mechanism
 
 
 def _drawn(
@@ -169,19 +168,17 @@ def _drawn(
     move = registered(base.layout, plate.mechanism.layout)
     if move != Move():
         turn = math.degrees(cmath.phase(move.factor))
-        flipped = ", turned over" * move.mirrored
+        flipped = ", turned over" if move.mirrored else ""
         notes.append(
             f"the drawing has other axes: it was turned by {turn:.6g} degrees{flipped} and moved "
             f"by {move.shift.real:.6g}, {move.shift.imag:.6g} mm"
         )
     if reading.wishes == Wishes():
         plate = imported(path, stated, wishes=_wishes(base.layout, move))
-    changes: dict[str, Any] = {} if reading.material else {"material": _numbers_of_material(base)}
-    return (plate.mechanism.replace(**changes) if changes else plate.mechanism), move
-
-
-def _numbers_of_material(base: Mechanism) -> dict[str, Any]:
-    return base.material.model_dump(exclude_none=True)
+    mechanism: Mechanism = plate.mechanism
+    if not reading.material:
+        mechanism = mechanism.replace(material=base.material.model_dump(exclude_none=True))
+    return mechanism, move
 
 
 def registered(base: Layout, other: Layout) -> Move:
@@ -271,23 +268,30 @@ def _hinges(base: Layout, other: Layout, move: Move) -> Iterator[ComparedHinge]:
 def _compared(one: Joint, other: Joint, move: Move) -> ComparedHinge:
     first = one.profile
     second = other.profile
-    turned = (
-        math.degrees(cmath.phase(cmath.exp(2j * (move.heading(other.heading) - one.heading)))) / 2
-    )
+    angle = move.heading(other.heading) - one.heading
+    turned = math.degrees(cmath.phase(cmath.exp(2j * angle))) / 2  # a neck has no sense
     remarks = list[str]()
     if type(first) is not type(second):
         remarks.append(f"{_shape(second)} instead of {_shape(first)}")
     if abs(turned) > 1e-3:
         remarks.append(f"turned by {turned:.3g} degrees")
-    radii = _radius(first), _radius(second)
     return ComparedHinge(
-        one.name,
-        _microns(second.neck - first.neck),
-        _microns(second.length - first.length),
-        None if None in radii else _microns(float(radii[1] or 0) - float(radii[0] or 0)),
-        _microns(abs(move(other.place) - one.place)),
-        ", ".join(remarks),
+        hinge=one.name,
+        neck_um=_microns(second.neck - first.neck),
+        length_um=_microns(second.length - first.length),
+        radius_um=_larger_radius(first, second),
+        off_um=_microns(abs(move(other.place) - one.place)),
+        other=", ".join(remarks),
     )
+
+
+def _larger_radius(first: Profile, second: Profile) -> float | None:
+    """Return the difference of the radii, um; None if one of both has none."""
+    before = _radius(first)
+    after = _radius(second)
+    if before is None or after is None:
+        return None
+    return _microns(after - before)
 
 
 def _shape(profile: Profile) -> str:
@@ -326,11 +330,11 @@ def _numbers(
             yield _number(
                 f"stiffness {direction}, others {others} ({unit})", float(first), float(second)
             )
-    first, second = (
-        float(np.ravel(modes(each, models=models, count=1).at("frequency"))[0])
-        for each in (base, other)
-    )
-    yield _number("first frequency (Hz)", first, second)
+    frequencies = list[float]()
+    for each in (base, other):
+        found = modes(each, models=models, count=1)
+        frequencies.append(float(np.ravel(found.at("frequency"))[0]))
+    yield _number("first frequency (Hz)", *frequencies)
 
 
 def _number(quantity: str, first: float, second: float) -> ComparedNumber:
