@@ -60,6 +60,7 @@ TABLES = {
     "mechanism/loading",
     "page/report",
     "plot/__init__",
+    "questions/verification",
     "schemas/formats",
 }
 # modules of the core that still know the stage: none may be added

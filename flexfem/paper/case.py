@@ -120,17 +120,26 @@ class Case(Sourced):
                 f"amplitude_{required} and no other amplitude for direction {self.direction}",
                 "direction",
             )
-        nonlinear = self.analysis == "nonlinear"
-        labels = [
-            curve.label.replace(" ", "_") for curve in self.curve
-        ]  # as in the paths of numbers
+        self._check_curves()
+        self._check_model()
+        return self
+
+    def _check_curves(self) -> None:
+        """Refuse equal labels, and elastic links in a nonlinear case."""
+        labels = list[str]()
         for index, curve in enumerate(self.curve):
-            if labels[index] in labels[:index]:
+            label = curve.label.replace(" ", "_")  # as in the paths of numbers
+            if label in labels:
                 raise refusal("a label that no other curve has", "curve", index, "label")
-            if curve.links and nonlinear:
+            labels.append(label)
+            if curve.links and self.analysis == "nonlinear":
                 where = ("curve", index, "links")
                 raise refusal('no links with analysis = "nonlinear", which has rigid links', *where)
+
+    def _check_model(self) -> None:
+        """Refuse keys that the finite elements of the case do not have."""
         solid = self.model == "three_dimensional"
+        nonlinear = self.analysis == "nonlinear"
         if not solid and "layers" in self.model_fields_set:
             raise refusal('no thickness_resolution with model = "fe"', "thickness_resolution")
         if solid and nonlinear:
@@ -141,7 +150,6 @@ class Case(Sourced):
         if self.drive != "force" and (solid or nonlinear):
             reason = 'model = "three_dimensional"' if solid else 'analysis = "nonlinear"'
             raise refusal(f'"force" with {reason}, which loads the platform only', "drive")
-        return self
 
     @property
     def axis(self) -> int:

@@ -17,6 +17,7 @@ from flexfem.arrays import Array, is_largest
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
+from flexfem.fem.response import Response
 from flexfem.files.provenance import assumptions
 from flexfem.files.refusals import shown
 from flexfem.files.toml import bad_key
@@ -561,39 +562,47 @@ def _solve_solid(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> C
     is bounded by `RelativeError.of_readings` with the change from few layers to more, and is zero
     where symmetry leaves round-off."""
     response = solve_solid(stage, case.resolution, case.layers)
-    K = model.stiffness
-    bounds = solid_levels(stage, case.resolution, case.layers)
-    lever = stage.chain.link_lengths[2]
-    many = bounds.planes + (response.compliance - bounds.planes[-1])
-    steps = np.array(levels(case.resolution))
-    axis = case.axis
-    command = case.commands
-    changes = bounds.of_layers.of_readings(bounds.many, K[:, axis], np.eye(3))
-    few, more = (error_matrix(K, C, lever)[:, axis] for C in (bounds.few, bounds.many))
-    zero = np.maximum(np.abs(few), np.abs(more)) <= bands.ROUND_OFF
-    of_layers = np.where(zero, 0.0, bands.percentages(changes, 1.0, case.direction, lever))
-    force = command @ K.T  # (18)
+    force = case.commands @ model.stiffness.T  # (18)
     mesh = response.mesh
     field = np.tensordot(force[-1], response.fields, axes=1)
-    highest = von_mises(nodal_stress(mesh, sheet_of(stage), field, layers=response.layers)).max(
-        axis=1
-    )
-    errors = bands.command_errors(steps, many, K, case.direction, lever)
+    stress = von_mises(nodal_stress(mesh, sheet_of(stage), field, layers=response.layers))
+    highest = stress.max(axis=1)
+    bands_of_errors, of_layers = _solid_bands(stage, model.stiffness, response, case)
     return CurveElements(
-        error=force @ response.compliance.T - command,
+        error=force @ response.compliance.T - case.commands,
         force=force,
         pose=response.compliance @ force[-1],
         neck_stress=neck_maxima(stage, mesh, highest),
         fields=Fields(mesh.nodes, mesh.triangles, mesh.bodies, field[:, 0, :2], highest),
-        bands=tuple(
-            error._replace(band=max(error.band, bands.mesh_band(steps, error.values)) + layer_band)
-            for error, layer_band in zip(errors, of_layers.tolist(), strict=True)
-        ),
+        bands=bands_of_errors,
         compliance=response.compliance,
         unknowns=response.unknowns,
         of_layers=of_layers,
         warnings=tuple(warnings.held_faces(stage)),
     )
+
+
+def _solid_bands(
+    stage: Stage, K: Array, response: Response, case: Case
+) -> tuple[tuple[Convergence, ...], Array]:
+    """Return the bands of the errors in three dimensions, and their share (3,) by the layers.
+
+    K : (3, 3), stiffness of the analytic model.
+    """
+    steps = np.array(levels(case.resolution))
+    bounds = solid_levels(stage, case.resolution, case.layers)
+    many = bounds.planes + (response.compliance - bounds.planes[-1])
+    errors = bands.command_errors(steps, many, K, case.direction, stage.lever)
+    few, more = (error_matrix(K, C, stage.lever)[:, case.axis] for C in (bounds.few, bounds.many))
+    changes = bounds.of_layers.of_readings(bounds.many, K[:, case.axis], np.eye(3))
+    percent = bands.percentages(changes, 1.0, case.direction, stage.lever)
+    zero = np.maximum(np.abs(few), np.abs(more)) <= bands.ROUND_OFF
+    of_layers = np.where(zero, 0.0, percent)
+    found = list[Convergence]()
+    for error, layer_band in zip(errors, of_layers.tolist(), strict=True):
+        in_plane = max(error.band, bands.mesh_band(steps, error.values))
+        found.append(error._replace(band=in_plane + layer_band))
+    return tuple(found), of_layers
 
 
 def _solve_imposed(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> CurveElements:
