@@ -102,9 +102,8 @@ def _change(mechanism: Mechanism, mesh: Mesh | None, *parts: tuple[float, ...]) 
     command = Applied(*map(np.array, parts))
     layout = mechanism.layout
     if not np.any(command.loads) and not np.any(command.strokes):
-        nothing = Displaced(
-            np.zeros(len(layout.ports)), np.zeros(len(layout.ports)), np.zeros(len(layout.joints))
-        )
+        on_ports = np.zeros(len(layout.ports))
+        nothing = Displaced(on_ports, on_ports, np.zeros(len(layout.joints)))
         return Change(dict.fromkeys((ANALYTIC, ELEMENTS, SOLID), nothing), nothing, 0.0, 0.0)
     if not layout.joints:
         assert mesh is not None
@@ -132,10 +131,14 @@ def _related(
     """Return a change with its size relative to linear theory."""
     last = list(models.values())[-1]
     lengths = np.array([1.0, 1.0, layout.lever])
-    moved, largest = (float(np.max(np.abs(part.motions[:3] * lengths))) for part in (last, before))
-    motion = moved / largest if largest > 0 else 0.0
+    largest = float(np.max(np.abs(before.motions[:3] * lengths)))
+    motion = 0.0
+    if largest > 0:
+        motion = float(np.max(np.abs(last.motions[:3] * lengths))) / largest
     highest = float(np.max(before.stress, initial=0.0))
-    stress = float(np.max(before.stress + last.stress)) / highest - 1 if highest > 0 else 0.0
+    stress = 0.0
+    if highest > 0:
+        stress = float(np.max(before.stress + last.stress)) / highest - 1
     return Change(models, error, motion, stress)
 
 
@@ -298,10 +301,10 @@ class Changes(NamedTuple):
                 f"{where}, the numbers are those of linear theory, and may be far off: "
                 f"{self.failure}"
             ]
-        moved = max((one.motion for one in self.each), default=0.0) > (motion or WORTH_A_WARNING)
-        stressed = max((abs(one.stress) for one in self.each), default=0.0) > (
-            stress or WORTH_A_WARNING
-        )
+        of_motion = max((one.motion for one in self.each), default=0.0)
+        of_stress = max((abs(one.stress) for one in self.each), default=0.0)
+        moved = of_motion > (motion or WORTH_A_WARNING)
+        stressed = of_stress > (stress or WORTH_A_WARNING)
         if mesh is None and (moved or stressed):
             return [
                 f"{where}, the numbers are those of linear theory: by beams, finite displacement "

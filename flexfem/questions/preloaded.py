@@ -94,12 +94,11 @@ def _solver(
 
 def first_out_of_plane(mechanism: Mechanism, load: Array) -> tuple[float, float]:
     """Return the first natural frequency out of the plane, rad/s, under a load (k,), and its band."""
-    few, many = (
-        float(
-            modes_under(mechanism, load, LIFTED_RESOLUTION, layers, True, 1, False)[0].frequencies[
-                0
-            ]
-        )
-        for layers in LIFTED_LAYERS
-    )
+    few, many = (_lowest_out_of_plane(mechanism, load, layers) for layers in LIFTED_LAYERS)
     return many, SAFETY * abs(many - few) + lifted_mesh_error(mechanism.layout) * many
+
+
+def _lowest_out_of_plane(mechanism: Mechanism, load: Array, layers: int) -> float:
+    """Return the first natural frequency out of the plane with a number of layers, rad/s."""
+    modes, _ = modes_under(mechanism, load, LIFTED_RESOLUTION, layers, True, 1, False)
+    return float(modes.frequencies[0])
