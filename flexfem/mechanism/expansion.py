@@ -18,7 +18,7 @@ MISSING = "is missing, expected um/(m K), the coefficient of linear thermal expa
 
 
 class Expansion(NamedTuple):
-    """Expansion of plate and frame in the plane, and stress across the unstrained plane; per kelvin.
+    """Expansion of plate and frame, and stress across the unstrained plane; all per kelvin.
 
     across : MPa, of the plate, or (h,) of the hinges of one whose parts have different materials.
     of_parts : of these bodies, then hinges; None if they are alike.

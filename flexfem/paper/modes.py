@@ -108,7 +108,7 @@ def modes(
     thickness_resolution: int | None = None,
     progress: Progress | None = None,
 ) -> NaturalModes:
-    """Natural frequencies and modes of a stage with a payload, in the plane or in three dimensions."""
+    """Natural frequencies and modes of a stage with a payload, in plane or three dimensions."""
     layers = setup.elements_through(solid, thickness_resolution)
     mesh = answers.mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION)
     count = arguments.integer("count", count, MOST_SOLID if solid else MOST)

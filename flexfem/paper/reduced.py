@@ -100,7 +100,7 @@ class DynamicModel(NamedTuple):
         )
 
     def response(self, frequencies: Array) -> Any:
-        """Return the complex response (f, 3, inputs), pose per input, at frequencies (f,), rad/s."""
+        """Return the complex response (f, 3, inputs), pose per input, at frequencies, rad/s."""
         w = np.asarray(frequencies, dtype=float)[:, None]
         natural = self.frequencies
         gain = 1 / (natural**2 - w**2 + 2j * self.damping * natural * w)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.analytic.network import with_springs
-from flexfem.arrays import Array
+from flexfem.arrays import Array, Index
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.modes import Modes, VibratingStructure, sector_modes, vibrating_structure
@@ -82,7 +82,7 @@ class VibratingStage(NamedTuple):
     stage: Stage
     payload: Payload
     drive: ActuatorSet | None
-    count: int
+    most: int
 
     @property
     def density(self) -> float:
@@ -151,7 +151,7 @@ def in_plane(asked: VibratingStage, mesh: Mesh, damping: float, progress: Progre
     def by_mesh(resolution: int, _: int) -> Values:
         plate_mesh = build_mesh(asked.stage, resolution)
         body = vibrating(asked.stage, plate_mesh, asked.payload, asked.drive)
-        found = modes_of(body, asked.count)
+        found = modes_of(body, asked.most)
         finest[:] = [(body, found)]
         return {"frequency": found.frequencies}
 
@@ -160,10 +160,10 @@ def in_plane(asked: VibratingStage, mesh: Mesh, damping: float, progress: Progre
 
     models = answers.by_elements(mesh, by_mesh, progress, bands)
     ((body, found),) = finest
-    shapes = np.array([found.field(k) for k in range(asked.count)])
+    shapes = np.array([found.field(k) for k in range(asked.most)])
     reduced = reduced_model(body, found, damping, asked.drive)
     values = {"share": _shares(found), "meshed_mass": found.total[0, 0]}
-    tilting = [False] * asked.count
+    tilting = [False] * asked.most
     return Found(models, values, Vibration(body.structure.mesh, shapes, tilting, None, reduced))
 
 
@@ -187,7 +187,7 @@ class Halves(NamedTuple):
         shares[count:, 3:] = _shares(self.odd)
         return shares
 
-    def shapes(self, order: Array) -> Array:
+    def shapes(self, order: Index) -> Array:
         """Displacements (modes, n, m, 3) of all nodes from face to face, of modes in an order."""
         count = len(self.even.frequencies)
         shapes = list[Array]()
@@ -220,7 +220,7 @@ def in_depth(asked: VibratingStage, mesh: Mesh, progress: Progress | None) -> Fo
 
     models = answers.by_elements(mesh, by_mesh, progress, bands)
     (found,) = finest
-    order = lowest_modes(models, asked.count)
+    order = lowest_modes(models, asked.most)
     parts["share"] = found.shares
     values = {name: part[order] for name, part in parts.items()} | {
         "tilting_inertia": np.diag(found.odd.total)[1:],
@@ -230,7 +230,7 @@ def in_depth(asked: VibratingStage, mesh: Mesh, progress: Progress | None) -> Fo
     sheet = ModelAnswer({"frequency": _in_plane_stress(asked, found.even)})
     half = found.even.layers.heights
     heights = np.concatenate([-half[:0:-1], half])
-    lifted = (order >= asked.count).tolist()
+    lifted = (order >= asked.most).tolist()
     vibration = Vibration(found.even.mesh, found.shapes(order), lifted, heights)
     return Found({SHEET: sheet, **models}, values, vibration)
 
@@ -245,7 +245,7 @@ def _half(asked: VibratingStage, resolution: int, layers: int, odd: bool) -> Mod
         layers_of(stage, layers, odd),
         asked.density,
         carried(stage, asked.payload),
-        asked.count,
+        asked.most,
     )
 
 
@@ -256,8 +256,8 @@ def _in_plane_stress(asked: VibratingStage, solid: Modes) -> Array:
     plate = structure(solid.mesh, sheet_of(asked.stage))
     mass = mass_of(plate, asked.density, bodies.carried(asked.stage, asked.payload))
     sheet = vibrating_structure(mass)
-    modes = modes_of(sheet, asked.count)
-    mid_planes = [solid.field(k)[sheet.structure.free, 0, :2].ravel() for k in range(asked.count)]
+    modes = modes_of(sheet, asked.most)
+    mid_planes = [solid.field(k)[sheet.structure.free, 0, :2].ravel() for k in range(asked.most)]
     shapes = np.vstack([np.transpose(mid_planes), solid.shapes[-3:]])
     inertia = sheet.mass.loads(shapes)
     overlap = np.abs(modes.shapes.T @ inertia) / np.sqrt(np.sum(shapes * inertia, axis=0))

@@ -269,7 +269,7 @@ def _redrawn(made: Layout, parts: ElasticParts) -> Redrawn:
 
 
 def _beam_integrals(layout: Layout, added: Array) -> Array:
-    """Return the beam integrals (..., hinges, 3) of hinges that are thicker by (..., hinges), mm."""
+    """Return the beam integrals (..., hinges, 3) of hinges thicker by (..., hinges), mm."""
     found = list[Array]()
     for h, joint in enumerate(layout.joints):
         E, nu, *_ = layout.material_of(joint)
@@ -279,7 +279,7 @@ def _beam_integrals(layout: Layout, added: Array) -> Array:
 
 
 def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
-    """Return the layout with necks (hinges,), mm. Raises BadInput if its parts do not fit together."""
+    """Return the layout with necks (hinges,), mm. Raises BadInput if its parts do not fit."""
     layout = mechanism.layout
     joints = list[Joint]()
     for joint, neck in zip(layout.joints, necks.tolist(), strict=True):

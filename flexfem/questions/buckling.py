@@ -155,10 +155,6 @@ def buckling(
     first = _first(list(found.values())[-1], stated.at_points)
     if mesh is not None and mechanism.model == "three_dimensional":
         first = _with_out_of_plane(first, loaded)
-    axes = {
-        "factor": [str(number + 1) for number in range(count)],
-        "point": [name for name, _ in mechanism.layout.points],
-    }
     return setup.answer(
         Buckling,
         mechanism,
@@ -166,7 +162,7 @@ def buckling(
         mesh,
         {"output held in": ", ".join(DIRECTIONS[port] for port in held) or None},
         {"load": stated.at_points, **first.values},
-        axes,
+        {"factor": [str(number) for number in range(1, count + 1)]},
         bands=first.bands,
         warnings=first.warnings,
         fields=shapes[-1] if shapes else None,
@@ -174,12 +170,12 @@ def buckling(
 
 
 class Compressed(NamedTuple):
-    """A mechanism under a load (k,) on its ports, with held ports, and the number of load factors."""
+    """A mechanism under a load (k,) with held ports, and the number of load factors."""
 
     mechanism: Mechanism
     load: Array
     held: tuple[int, ...]
-    count: int
+    most: int
 
 
 class First(NamedTuple):
@@ -192,13 +188,13 @@ class First(NamedTuple):
 
 
 def _by_beams(loaded: Compressed, hinges: Array | None) -> Array:
-    """Return load factors (count,) with rigid bodies and hinges as beams of compliances (h, 3, 3)."""
+    """Return load factors with rigid bodies and hinges as beams of compliances (h, 3, 3)."""
     plate = FinitePlate(loaded.mechanism.layout, hinges)
-    return load_factors(plate, loaded.load, loaded.held, loaded.count)
+    return load_factors(plate, loaded.load, loaded.held, loaded.most)
 
 
 def _ratios(loaded: Compressed, thick: Thickened) -> Array:
-    """Return the ratios of load factors with hinges in three dimensions to those in plane stress."""
+    """Return the ratios of load factors by the thickness of hinges."""
     ratios = _by_beams(loaded, thick.solid.hinges) / _by_beams(loaded, thick.plane.hinges)
     return np.where(np.isfinite(ratios), ratios, 1.0)
 

@@ -121,7 +121,8 @@ def forces(
     Examples
     --------
     >>> import flexfem
-    >>> found = flexfem.forces(flexfem.load("geometry/parallelogram.toml"), force=(0.0, 10.0, 0.0), models="analytic")
+    >>> guide = flexfem.load("geometry/parallelogram.toml")
+    >>> found = flexfem.forces(guide, force=(0.0, 10.0, 0.0), models="analytic")
     >>> round(float(found.at("force", section="leaf", model="analytic", resultant="axial")), 6)  # N
     5.0
     """
@@ -158,7 +159,7 @@ def forces(
 
 
 class Loaded(NamedTuple):
-    """A mechanism under a load (k,) on its ports, and the ends of the sections that are asked for."""
+    """A mechanism under a load (k,) on its ports, and the ends of the sections."""
 
     mechanism: Mechanism
     load: Array

@@ -132,7 +132,7 @@ def gravity(
 
 
 def acceleration(angle: float) -> Array:
-    """Return the acceleration (2,), mm/s^2, of gravity at an angle from x, degrees. Raises BadInput."""
+    """Return the acceleration (2,), mm/s^2, of gravity at an angle, degrees. Raises BadInput."""
     radians = np.deg2rad(arguments.between("angle", angle, -360.0, 360.0, " degrees"))
     return GRAVITY * np.array([np.cos(radians), np.sin(radians)])
 

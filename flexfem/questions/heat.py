@@ -126,7 +126,8 @@ def drift(
     --------
     >>> import flexfem
     >>> found = flexfem.drift(flexfem.load("geometry/mobility6.toml"), models="analytic")
-    >>> round(1e6 * float(found.at("pose", case="uniform", direction="theta")[0]), 2)  # urad per kelvin
+    >>> turned = found.at("pose", case="uniform", direction="theta")
+    >>> round(1e6 * float(turned[0]), 2)  # urad per kelvin
     5.5
     """
     layers = setup.elements_through(solid, thickness_resolution)

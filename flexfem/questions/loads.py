@@ -64,19 +64,23 @@ def loads_at_points(layout: Layout, stated: AtPoints) -> Array:
     """
     names = [name for name, _ in layout.points]
     found = np.zeros((len(names), len(FORCES)))
-    if isinstance(stated, str):
-        stated = [stated]
-    pairs = (
-        stated.items() if isinstance(stated, Mapping) else [_named_load(text) for text in stated]
-    )
-    for name, load in pairs:
+    for name, load in _named_loads(stated):
         if name not in names:
             raise BadInput(f"force_at {name!r}, expected the name of a point{nearest(name, names)}")
         found[names.index(name)] += arguments.forces(f"force_at {name}", load, 1)
     return found
 
 
-def _named_load(text: str) -> tuple[str, list[float]]:
+def _named_loads(stated: AtPoints) -> list[tuple[str, Sequence[float]]]:
+    """Return loads by the names of points; one text may be stated alone. Raises BadInput."""
+    if isinstance(stated, Mapping):
+        return list(stated.items())
+    if isinstance(stated, str):
+        return [_named_load(stated)]
+    return [_named_load(text) for text in stated]
+
+
+def _named_load(text: str) -> tuple[str, Sequence[float]]:
     """Return the name and the load of a text NAME=FX,FY,M, whose numbers may have units. Raises
     BadInput.
     """
@@ -88,15 +92,14 @@ def _named_load(text: str) -> tuple[str, list[float]]:
             "N mm"
         )
     try:
-        return name.strip(), [
-            in_unit(part.strip(), unit) for part, unit in zip(parts, FORCES, strict=True)
-        ]
+        load = [in_unit(part.strip(), unit) for part, unit in zip(parts, FORCES, strict=True)]
+        return name.strip(), load
     except ValueError as error:
         raise BadInput(f"force_at {name}: {error}") from None
 
 
 def held_ports(directions: Sequence[str] | None) -> tuple[int, ...]:
-    """Return the ports of the output along directions x, y or theta that are held. Raises BadInput."""
+    """Return the held ports of the output: directions x, y or theta. Raises BadInput."""
     stated = [directions] if isinstance(directions, str) else list(directions or ())
     names = [name for text in stated for name in str(text).replace(",", " ").split()]
     for name in names:

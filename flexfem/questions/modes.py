@@ -16,7 +16,7 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.plates import modes as network_modes
 from flexfem.analytic.preloaded import modes as beam_modes
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.fem.modes import Modes
 from flexfem.fem.ports import plate_modes
 from flexfem.mechanism.mechanism import Mechanism
@@ -151,7 +151,8 @@ def modes(
     Examples
     --------
     >>> import flexfem
-    >>> found = flexfem.modes(flexfem.load("geometry/mobility6.toml"), count=3, models="elements", resolution=4)
+    >>> stage = flexfem.load("geometry/mobility6.toml")
+    >>> found = flexfem.modes(stage, count=3, models="elements", resolution=4)
     >>> found.frequency[:, 0].round()  # Hz
     array([131., 131., 194.])
     """
@@ -186,7 +187,9 @@ def modes(
         if not mesh.layers:
             fields = _fields(asked, mesh.resolution, by_mesh(mesh.resolution, 0).modes)
     first = _first_out_of_plane(asked, mesh, found)
-    settings = {"actuators": drives} if mechanism.layout.actuators else {}
+    settings = dict[str, str]()
+    if mechanism.layout.actuators:
+        settings["actuators"] = drives
     if load is not None:
         settings["preload"] = preloaded.described(mechanism, load)
     notes = list[str]()
@@ -208,13 +211,13 @@ def modes(
 
 
 class Vibrating(NamedTuple):
-    """What is asked of a mechanism: the lowest `count` modes, with engaged actuators or without.
+    """What is asked of a mechanism: its lowest modes, `most` of them, with engaged actuators or not.
 
     load : (k,), on the ports, about whose equilibrium it vibrates; None at rest.
     """
 
     mechanism: Mechanism
-    count: int
+    most: int
     engaged: bool
     load: Array | None
 
@@ -273,7 +276,7 @@ def _modes_of(asked: Vibrating, resolution: int, layers: int, lifting: bool) -> 
 
     lifting : out of the plane, with layers.
     """
-    more = asked.count + 1
+    more = asked.most + 1
     if asked.load is None:
         model = plates.factorised(asked.mechanism, resolution, layers, lifting)
         return PortModes(plate_modes(model, more, asked.engaged), model.ports)
@@ -285,7 +288,7 @@ def _modes_of(asked: Vibrating, resolution: int, layers: int, lifting: bool) -> 
 
 
 def _with_shares(asked: Vibrating, found: PortModes, lifting: bool) -> Values:
-    """Return frequencies (count,) and the shares (count, 3) of directions in the motion of the
+    """Return frequencies (modes,) and the shares (modes, 3) of directions in the motion of the
     output.
     """
     lever = asked.mechanism.layout.lever
@@ -293,8 +296,8 @@ def _with_shares(asked: Vibrating, found: PortModes, lifting: bool) -> Values:
     motion = found.modes.shapes.T @ found.ports[:, :3] * levers
     shares = shares_of_motion(found.modes.frequencies, motion)
     return {
-        "frequency": found.modes.frequencies[: asked.count],
-        "share": shares[: asked.count],
+        "frequency": found.modes.frequencies[: asked.most],
+        "share": shares[: asked.most],
     }
 
 
@@ -327,7 +330,7 @@ def ratios_by_thickness(frequencies: Array, plane: Array, solid: Array) -> Array
     return np.where(alike, (solid / plane)[nearest], np.nan)
 
 
-def _motion(share: Array, lifted: Array, mesh: Mesh) -> dict[str, Array]:
+def _motion(share: Array, lifted: AnyArray, mesh: Mesh) -> dict[str, Array]:
     """Return the shares (modes, 3) of the output in the plane and, with layers, out of it."""
     values = {"share": np.where(lifted[:, None], np.nan, share)}
     if mesh.layers:
@@ -335,7 +338,7 @@ def _motion(share: Array, lifted: Array, mesh: Mesh) -> dict[str, Array]:
     return values
 
 
-def _names(lifted: Array, in_depth: bool) -> list[str]:
+def _names(lifted: AnyArray, in_depth: bool) -> list[str]:
     """Return the names of modes, in three dimensions with the plane that they are in."""
     if not in_depth:
         return [str(number + 1) for number in range(len(lifted))]
@@ -351,7 +354,7 @@ def _fields(asked: Vibrating, resolution: int, found: Modes | None) -> MeshField
     shapes = found
 
     def made() -> dict[str, Array]:
-        return {f"mode {k + 1}": shapes.field(k) for k in range(asked.count)}
+        return {f"mode {k + 1}": shapes.field(k) for k in range(asked.most)}
 
     return MeshFields(plates.meshed(asked.mechanism, resolution), made)
 
@@ -359,20 +362,21 @@ def _fields(asked: Vibrating, resolution: int, found: Modes | None) -> MeshField
 def _first_out_of_plane(
     asked: Vibrating, mesh: Mesh | None, found: Mapping[str, ModelAnswer]
 ) -> OutOfPlane:
-    """Return the first natural frequency out of the plane, rad/s, of a result in three dimensions."""
+    """Return the first natural frequency out of the plane, rad/s, of models in three dimensions."""
     if SOLID not in found or mesh is None:
         return OutOfPlane({}, {}, [])
     values, bands = found[SOLID]
-    in_plane = float(values["frequency"][: asked.count].min())
+    in_plane = float(values["frequency"][: asked.most].min())
     try:
-        if mesh.layers:  # the modes from `count` on are out of the plane
-            first = float(values["frequency"][asked.count])
-            band = float(bands["frequency"][asked.count])
+        if mesh.layers:  # the modes from `most` on are out of the plane
+            first = float(values["frequency"][asked.most])
+            band = float(bands["frequency"][asked.most])
         elif asked.load is not None:
             first, band = preloaded.first_out_of_plane(asked.mechanism, asked.load)
         else:
             lifted = plates.lifted(asked.mechanism)
-            first, band = lifted.frequency, lifted.frequency_band
+            first = lifted.frequency
+            band = lifted.frequency_band
     except ComputationFailed as failure:
         return OutOfPlane({}, {}, [f"no frequency out of the plane: {failure}"])
     warnings = list[str]()

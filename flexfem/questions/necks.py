@@ -164,20 +164,8 @@ def _read_csv(path: Path, chained: bool) -> NecksFile:
     chain, hinge, neck, sd = names
     needed = (chain, hinge, neck) if chained else (hinge, neck)
     rows = read_csv(path, needed, (sd,))
-    lines = list(rows)
-    entries = list[dict[str, int | float | str]]()
-    for row in rows.values():
-        cells = {key: cell for key, cell in row.items() if cell}
-        entries.append(
-            {key: cell if key == hinge else _number(cell) for key, cell in cells.items()}
-        )
-
-    def refused(at: Sequence[str | int], text: str) -> BadInput:
-        indices = [part for part in at if isinstance(part, int)]
-        line = lines[indices[0]] if indices else None
-        return BadInput(refusals.one_line(f"{refusals.place_of(path, line)}: {text}"))
-
-    data = {"neck": entries}
+    refused = partial(_refused_row, path, list(rows))
+    data = {"neck": [_entry(row, hinge) for row in rows.values()]}
     try:
         return NecksFile(Necks.model_validate(data), refused)
     except ValidationError as error:
@@ -185,6 +173,19 @@ def _read_csv(path: Path, chained: bool) -> NecksFile:
     if first.kind == "missing":
         raise refused(first.path, f"{first.path[-1]} is missing")
     raise refused(first.path, refusals.sentence(first, Necks, data))
+
+
+def _entry(row: Mapping[str, str], hinge: str) -> dict[str, int | float | str]:
+    """Return the cells of a row that are not empty: numbers, but for the name of the hinge."""
+    cells = {key: cell for key, cell in row.items() if cell}
+    return {key: cell if key == hinge else _number(cell) for key, cell in cells.items()}
+
+
+def _refused_row(path: Path, lines: Sequence[int], at: Sequence[str | int], text: str) -> BadInput:
+    """Return the refusal of a value, with the line of the row whose index is in its key."""
+    indices = [part for part in at if isinstance(part, int)]
+    line = lines[indices[0]] if indices else None
+    return BadInput(refusals.one_line(f"{refusals.place_of(path, line)}: {text}"))
 
 
 def _number(cell: str) -> int | float | str:
