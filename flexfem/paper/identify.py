@@ -393,12 +393,12 @@ def _problem(
     pushes = pushes_of(measured) if isinstance(measured, Fixture) else IDEAL
     offsets, C, model = _stages_with_offsets(stage, warnings)
     of_stage, pole, bar = pushes.shares(C)
+    columns = _columns_of_fixture(pole, axes, unknown, place)
     rigid = (of_stage + bar)[:, axes]
     if not np.all(rigid > 0):
         raise ComputationFailed(
             f"{place}: a slope of this stage on a rigid fixture is not positive"
         )
-    columns = _columns_of_fixture(pole, axes, unknown, place)
     added = np.column_stack(list(columns.values())).astype(float)
     spline = CubicSpline(offsets, np.log(rigid))
     largest = SOFTEST / np.max(added / np.exp(spline(0.0))[:, None], axis=0)
