@@ -63,15 +63,6 @@ TABLES = {
     "questions/verification",
     "schemas/formats",
 }
-# modules of the core that still know the stage: none may be added
-LEFT = {
-    "questions/bands",
-    "questions/buckling",
-    "questions/compare",
-    "questions/forces",
-    "questions/setup",
-    "questions/warnings",
-}
 OF_STAGE = {"Stage", "StageContent", "MechanismFile"}  # classes of which no other class asks
 
 
@@ -128,8 +119,6 @@ def test_arrows_go_one_way():
         own = folder_of(module)
         parts = name.split(".")
         if parts[0] == "flexfem" and own != "__init__" and parts[1:] not in ([], ["__version__"]):
-            if parts[1] == "paper" and str(place_of(module)) in LEFT:
-                continue
             below = LAYER[parts[1]] < LAYER[own] or (LAYER[own] == 0 and parts[1] != own)
             assert below or parts[1] == own, f"{module} imports {name}"
 
@@ -181,7 +170,7 @@ def knows_the_paper(module: Path) -> set[str]:
 def test_nothing_outside_its_room_knows_the_paper():
     core = [module for module in MODULES if folder_of(module) != "paper"]
     knowing = {str(place_of(module)) for module in core if knows_the_paper(module)}
-    assert knowing - TABLES <= LEFT
+    assert knowing <= TABLES
 
 
 def test_no_file_leads_back_to_itself():
