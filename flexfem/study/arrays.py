@@ -184,6 +184,11 @@ class ArrayBatch:
         fits = self._fits if is_search or layouts.number >= FEW else {}
         return _wide(layouts, hinge).ratios(fits.get(hinge.name))
 
+    @property
+    def error_of_fits(self) -> float:
+        """Largest relative error of the fits of ratios of wide hinges."""
+        return max((fit.error for fit in self._fits.values()), default=0.0)
+
     @cached_property
     def _fits(self) -> dict[str, SmoothFit]:
         """Fits of the ratios of wide hinges by name, of those that vary between known ends."""
