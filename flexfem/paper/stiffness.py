@@ -16,7 +16,7 @@ from flexfem.paper import warnings as warning
 from flexfem.paper.answers import about, by_models, chosen, mesh_of, responses
 from flexfem.paper.fields import neck_stresses
 from flexfem.paper.model import AnalyticResult, ModelChoice, analyse
-from flexfem.paper.solutions import meshed, solved_by
+from flexfem.paper.solutions import solved_by
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import layers_of, sheet_of
 from flexfem.questions.bands import SolidLevels, compliance_bands, solid_bands, stress_bands
@@ -292,9 +292,10 @@ def _fields_of(stage: Stage, mesh: Mesh | None, last: Values) -> MeshFields | No
     if mesh is None or "force" not in last:
         return None
 
+    whole = solved_by(stage, *mesh).whole
+
     def made() -> dict[str, Array]:
-        whole = solved_by(stage, *mesh).whole
         return fields_under(whole, last["pose"], last["force"], stage.layout.out_of_plane)
 
     heights = layers_of(stage, mesh.layers).heights if mesh.layers else None
-    return MeshFields(meshed(stage, mesh.resolution), made, heights)
+    return MeshFields(whole.mesh, made, heights)
