@@ -190,4 +190,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return [*__all__, *SUBJECTS]
+    return [*__all__, *OTHERS, *SUBJECTS]

@@ -99,7 +99,7 @@ def test_every_place_has_the_number_in_the_unit_that_is_stated(kind, tmp_path):
     }
     again = type(found).read(found.write(tmp_path / "stored.json"))
     paths = {each.path: each for each in found.entries()}
-    frame = {row.path: row for row in found.to_frame().itertuples()}
+    frame = {row.path: row for row in found.to_frame(long=True).itertuples()}
     for name, quantity in kind.quantities.items():
         places = (
             random.permutation(list(np.ndindex(values[name].shape)))[:MOST]

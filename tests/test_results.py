@@ -12,6 +12,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+import flexfem
 from flexfem.questions.check import known_formulas
 from flexfem.questions.reach import Reach
 from flexfem.questions.summary import Summary
@@ -136,7 +137,7 @@ def test_labels_choose_parts_and_unknown_ones_are_refused(found: Trial) -> None:
 
 def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
     assert "| cold | analytic | 10 µm |" in found.to_markdown()
-    frame = found.to_frame().set_index("path")
+    frame = found.to_frame(long=True).set_index("path")
     assert frame.loc["mass", "value"] == pytest.approx(2.0) and frame.loc["mass", "unit"] == "kg"
 
 
@@ -262,3 +263,22 @@ def test_the_end_of_a_range_is_compared_with_the_other_end():
     values = {"free_low": [0.0, 0.0, -30e-12], "free_high": [17e-3, 2e-9, 0.0]}
     found = Summary(About("one", lever=36.0), values, {"free_low": [0.0, 0.0, 230e-12]})
     assert found.texts("free_low") == ["0", "0", "0"] and found.texts("free_high")[1:] == ["0", "0"]
+
+
+def test_a_wide_frame_has_a_row_for_each_model_and_units_in_its_columns():
+    pytest.importorskip("pandas")
+    axes = {"point": ("output", "tip"), "hinge": ("left", "right")}
+    values = {"stress": [[1.0, 2.0], [3.0, 1.0]], "input": 4.0}
+    found = Bent(About("m"), values, {"input": 0.5}, axes)
+    frame = found.to_frame()
+    assert frame["stress tip left (MPa)"].tolist() == [3.0]
+    assert frame["input (N)"].tolist() == [4.0]
+    assert frame["input band (N)"].tolist() == [0.5]
+    assert "stress tip left band (MPa)" not in frame
+    assert [*found.to_frame("input")] == ["input (N)", "input band (N)"]
+    with pytest.raises(BadInput, match="mass is not in this result"):
+        found.to_frame("mass")
+    stiffness = flexfem.stiffness("geometry/parallelogram.toml", models="analytic", no_limits=True)
+    by_model = stiffness.to_frame("free", "held")
+    assert by_model.index.tolist() == ["analytic"]
+    assert by_model.loc["analytic", "free theta (N mm/rad)"] == stiffness.at("free")[0, 2]

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from flexfem.files.refusals import nearest, shown
-from flexfem.mechanism.copies import PARTS, PlacedPart, placed_parts
+from flexfem.mechanism.copies import PARTS, PlacedPart, placed_parts, rotations
 from flexfem.mechanism.layout import (
     Body,
     Constants,
@@ -179,9 +179,10 @@ def _body(part: PlacedPart, mechanism: MechanismTables) -> Body:
     """Return a body. Raises BadInput for an outline that is impossible."""
     table: PlateBody = part.table
     outline = _outline(table, part.move, part.key)
-    holes = [
-        _outline(hole, part.move, f"{part.key}.holes[{k}]") for k, hole in enumerate(table.holes)
-    ]
+    holes = list[Outline]()
+    for k, hole in enumerate(table.holes):
+        for turn in (Move(), *rotations(hole)):
+            holes.append(_outline(hole, part.move.after(turn), f"{part.key}.holes[{k}]"))
     return Body(
         part.name,
         tuple(outline.loop),

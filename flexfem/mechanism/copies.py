@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from flexfem.files.refusals import key_path, shown, suggestion
 from flexfem.mechanism.layout import Move
-from flexfem.mechanism.parts import Copies, MechanismTables
+from flexfem.mechanism.parts import BodyHole, Copies, MechanismTables
 from flexfem.refused import BadInput
 
 PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
@@ -89,15 +89,20 @@ def _check_names(copies: Copies, found: list[PlacedPart], key: str) -> None:
 
 
 def stated_moves(copies: Copies) -> Iterator[Move]:
-    """Yield the moves from the originals to each of their copies."""
-    if copies.mirror is not None:
-        first, second = (complex(*point) for point in copies.mirror)
-        turn = (second - first) / (second - first).conjugate()
-        yield Move(turn, first - turn * first.conjugate(), mirrored=True)
+    """Yield the moves from an original to its copies."""
+    if copies.mirror is None:
+        yield from rotations(copies)
         return
-    count = int(copies.count or 1)
-    about = complex(*(copies.about or (0.0, 0.0)))
-    step = 2 * math.pi / count if copies.angle is None else copies.angle
+    first, second = (complex(*point) for point in copies.mirror)
+    turn = (second - first) / (second - first).conjugate()
+    yield Move(turn, first - turn * first.conjugate(), mirrored=True)
+
+
+def rotations(table: Copies | BodyHole) -> Iterator[Move]:
+    """Yield the rotations from an original to its copies."""
+    count = int(table.count or 1)
+    about = complex(*(table.about or (0.0, 0.0)))
+    step = 2 * math.pi / count if table.angle is None else table.angle
     for k in range(1, count):
         turn = cmath.exp(1j * k * step)
         yield Move(turn, about - turn * about)

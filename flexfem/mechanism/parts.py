@@ -74,10 +74,21 @@ class BodyHole(Table):
     """Instead of `outline_mm`, with `radius_mm`: centre of a disc"""
     radius: Length | None = Field(default=None, alias="radius_mm", examples=[2.0])
     """Radius of a disc"""
+    count: Count | None = Field(default=None, examples=[6])
+    """Number of equal holes on a circle, such as those of screws; by default one"""
+    about: Point | None = Field(default=None, alias="about_mm", examples=[[0.0, 0.0]])
+    """With `count`: centre of the circle; by default the origin"""
+    angle: Turn | None = Field(default=None, alias="angle_deg", examples=[30.0])
+    """With `count`: angle from one hole to the next, counter-clockwise; by default 360 degrees over
+    `count`"""
 
     @model_validator(mode="after")
     def _hasone_form(self) -> BodyHole:
         one_form(self, ("outline",), ("centre", "radius"))
+        for name in ("about", "angle"):
+            if self.count is None and getattr(self, name) is not None:
+                key = type(self).model_fields[name].alias or name
+                raise refusal("count, the number of holes, besides it", key)
         return self
 
 

@@ -5,6 +5,7 @@ results.
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from itertools import chain
@@ -29,6 +30,7 @@ from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import LAYERS, RESOLUTION, StageMesh
 from flexfem.files.provenance import Sourced, assumptions
+from flexfem.importing.drawings import load
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import has_sharp_corner
@@ -79,6 +81,8 @@ def question(function: Function, not_for: str = "") -> Function:
         answer = function
         if subject_name:
             mechanism = given[subject_name]
+            if isinstance(mechanism, str | os.PathLike):
+                mechanism = given[subject_name] = load(mechanism)
             require_kind(function.__name__, mechanism, hints()[subject_name])
             answer = mechanism.answering(function.__name__) or function
             _refuse_options(answer, function, given, not_for)
@@ -92,8 +96,7 @@ def question(function: Function, not_for: str = "") -> Function:
             return answer(mechanism, **taken)
         if given.get("plane"):
             given[subject_name] = _in_plane(mechanism, given)
-            return function(**given)
-        return function(*positional, **named)
+        return function(**given) if subject_name else function(*positional, **named)
 
     return cast(Function, checked)
 

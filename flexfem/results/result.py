@@ -10,6 +10,7 @@ from flexfem.arrays import LONGEST
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.refused import BadInput
 from flexfem.results.declare import Declared, Quantity
+from flexfem.results.frames import long_frame, wide_frame
 from flexfem.results.render import (
     Tables,
     TextTable,
@@ -164,12 +165,25 @@ class Result(Declared):
     def _repr_html_(self) -> str:
         return html(self)
 
-    def to_frame(self) -> Any:
-        """Return all numbers as a pandas DataFrame: path, value, band, unit."""
-        import pandas as pd
+    def to_frame(self, *quantities: str, long: bool = False) -> Any:
+        """Return numbers as a pandas DataFrame, with a row for each model, case or mode.
 
-        rows = [(each.path, each.value, each.band, each.unit.plain) for each in self.entries()]
-        return pd.DataFrame(rows, columns=["path", "value", "band", "unit"])
+        A column is a quantity at labels of its other axes, with its unit in its name, such as
+        `free x (N/mm)`; the column `free x band (N/mm)` has the band.
+
+        Parameters
+        ----------
+        *quantities : str
+            Names of quantities; by default all.
+        long : bool
+            Return a row for each number instead: path, value, band, unit.
+
+        Raises
+        ------
+        BadInput
+            A quantity is not in this result.
+        """
+        return long_frame(self) if long else wide_frame(self, quantities)
 
     def to_xarray(self) -> Any:
         """Return all quantities as an xarray Dataset in the declared units.
