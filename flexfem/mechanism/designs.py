@@ -38,32 +38,32 @@ def unsupported(mechanism: MechanismTables, keys: Iterable[str]) -> str:
 
     keys : such as `parameters.length_mm` and `thickness_mm`.
     """
-    varied = _varied_names(mechanism, keys)
-
-    def varies(value: Any) -> bool:
-        if isinstance(value, tuple):
-            return any(map(varies, value))
-        return isinstance(value, Evaluated) and not varied.isdisjoint(names_in(value.text))
-
     if not mechanism.hinge:
         return "a mechanism without hinges"
     if any(each.preload for each in mechanism.actuator):
         return "preloads of actuators"
-    if any(part.material and part.material.residual_stress for part in _with_material(mechanism)):
+    if any(material.residual_stress for material in _materials(mechanism)):
         return "a residual stress"
-    if any(varies(each.count) for each in mechanism.copies):
+    varied = _varied_names(mechanism, keys)
+    if any(_uses(each.count, varied) for each in mechanism.copies):
         return "a number of copies that varies"
-    if any(varies(each.table) for each in mechanism.hinge):
+    if any(_uses(each.table, varied) for each in mechanism.hinge):
         return "a table of a profile that varies"
-    for part in _with_material(mechanism):
-        if part.material and any(varies(getattr(part.material, name)) for name in FATIGUE):
-            return "fatigue constants that vary"
-    return ""
+    constants = [getattr(each, name) for each in _materials(mechanism) for name in FATIGUE]
+    return "fatigue constants that vary" if _uses(tuple(constants), varied) else ""
 
 
-def _with_material(mechanism: MechanismTables) -> tuple[Any, ...]:
-    """Return the tables that may have a material."""
-    return (mechanism, *mechanism.body, *mechanism.hinge)
+def _uses(value: Any, names: set[str]) -> bool:
+    """Return whether a number, or one of a tuple, is an expression of named parameters."""
+    if isinstance(value, tuple):
+        return any(_uses(each, names) for each in value)
+    return isinstance(value, Evaluated) and not names.isdisjoint(names_in(value.text))
+
+
+def _materials(mechanism: MechanismTables) -> list[Material]:
+    """Return the materials of the plate and of parts with one of their own."""
+    stated = [part.material for part in (*mechanism.body, *mechanism.hinge)]
+    return [mechanism.material, *(each for each in stated if each is not None)]
 
 
 def _varied_names(mechanism: MechanismTables, keys: Iterable[str]) -> set[str]:

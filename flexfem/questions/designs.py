@@ -152,8 +152,9 @@ class _Network:
 
         add(self.layouts.points[0], 0, np.eye(3))
         for place, actuator in enumerate(inputs, 3):
-            x, y = np.real(actuator.direction), np.imag(actuator.direction)
-            force = np.stack([x, y, np.zeros_like(x)], axis=-1)[..., None]
+            along = np.asarray(actuator.direction)
+            parts = [along.real, along.imag, np.zeros(along.shape)]
+            force = np.stack(parts, axis=-1)[..., None]
             near, far = actuator.contacts
             add(near, place, -force)
             add(far, place, force)
