@@ -72,7 +72,7 @@ def _add_row(
         unit = quantity.unit_at(place).plain
         heading = " ".join([name, *labels])
         ending = f" ({unit})" if unit else ""
-        for text, values in ((heading, values), (f"{heading} band", bands)):
+        for text, numbers in ((heading, values), (f"{heading} band", bands)):
             column = columns.setdefault(f"{text}{ending}", [])
             column += [np.nan] * (row - len(column))
-            column.append(float(values[place]))
+            column.append(float(numbers[place]))
