@@ -172,3 +172,21 @@ def flexfem(monkeypatch: Any, capsys: Any, tmp_path: Path) -> Callable[..., tupl
         return code, captured.out, captured.err
 
     return run
+
+
+@pytest.fixture
+def browser(request):
+    """Chromium without a window, whose console is kept."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium")
+    program = shutil.which("chromium")
+    driver = shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.skip("needs chromium and chromium-driver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    for switch in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
+        options.add_argument(switch)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    opened = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    request.addfinalizer(opened.quit)
+    return opened

@@ -18,6 +18,7 @@ from flexfem.files.toml import PathLike
 from flexfem.importing.drawings import NO_READING, Reading
 from flexfem.live.elements import Elements
 from flexfem.live.session import Session
+from flexfem.questions.handling import plain
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE
 
@@ -304,15 +305,6 @@ def _file(path: Path, kind: str) -> Any:
     from starlette.responses import Response
 
     return Response(path.read_text(encoding="utf-8"), media_type=kind)
-
-
-def plain(value: Any) -> Any:
-    """Return named tuples as mappings, also within lists."""
-    if hasattr(value, "_asdict"):
-        return {name: plain(part) for name, part in value._asdict().items()}
-    if isinstance(value, list | tuple):
-        return [plain(part) for part in value]
-    return value
 
 
 async def _body(request: Any) -> bytes:

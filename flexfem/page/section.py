@@ -41,6 +41,7 @@ WIDE = 560.0
 STEP = 1.0  # largest drawn displacement over the size of a plate; its width, steps of lines
 TARGET = 5.0  # points, half the side of a pointer target on a marker
 MARKERS = 300  # largest number on a curve with pointer targets
+HANDLED = '<div class="handle">'  # in a section with a drawing that a hand moves
 
 
 class PageSection(NamedTuple):
@@ -87,20 +88,25 @@ def html_of(sections: list[PageSection], **page: Any) -> str:
 
     `page` : title, subtitle, notice of assumptions, command that makes the page again, time and
     versions."""
-    script, style = ((TEMPLATES / name).read_text() for name in ("page.js", "page.css"))
-    digest = base64.b64encode(
-        hashlib.sha256(script.encode()).digest()
-    ).decode()  # no other script may run
+    handled = any(HANDLED in section.html for section in sections)
+    names = ("page", "handle") if handled else ("page",)
+    scripts = [(TEMPLATES / f"{name}.js").read_text() for name in names]
+    style = "".join((TEMPLATES / f"{name}.css").read_text() for name in reversed(names))
     policy = (
-        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src "
-        f"'sha256-{digest}'; "
+        "default-src 'none'; img-src data:; style-src 'unsafe-inline'; "
+        f"script-src {' '.join(map(_digest, scripts))}; base-uri 'none'; form-action 'none'"
     )
-    policy += "base-uri 'none'; form-action 'none'"
     used = sorted({colour for section in sections for colour in THEMED.findall(section.html)})
     dark = "".join(f"--c{colour}: {dark_of(colour)}; " for colour in used)
     style += f"@media screen and (prefers-color-scheme: dark) {{ svg.drawn {{ {dark}}} }}\n"
-    code = {"policy": policy, "script": Markup(script), "style": Markup(style)}
+    code = {"policy": policy, "scripts": [*map(Markup, scripts)], "style": Markup(style)}
     return ENVIRONMENT.get_template("page.html").render(sections=sections, **page, **code)
+
+
+def _digest(script: str) -> str:
+    """Return the source of a policy that allows one script; no other may run."""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return f"'sha256-{digest}'"
 
 
 def dark_of(colour: str) -> str:

@@ -14,6 +14,7 @@ from flexfem.hinges.strength import required_law
 from flexfem.mechanism.content import located
 from flexfem.mechanism.expansion import require_expansion
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.page.handle import handled_drawing
 from flexfem.page.key import KeyResults, errors_driven, first_frequencies, opened, rows_at_rest
 from flexfem.page.section import (
     PageSection,
@@ -211,7 +212,8 @@ class MechanismPage:
         description = f"Drawing to scale of {self.mechanism.name}"
         drawing = shown_figure("drawing", draw, description, table(tables[0]))
         listed = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
-        html = (self._opening(drawing), notes(checked.warnings), listed)
+        moved = handled_drawing(self.mechanism, self._at_rest())
+        html = (moved, self._opening(drawing), notes(checked.warnings), listed)
         return section(self.kind, f"The {self.kind}", *html)
 
     def _stress_section(self) -> PageSection:
@@ -261,7 +263,7 @@ class MechanismPage:
 
     def _opening(self, drawing: Markup) -> Markup:
         """Return the drawing beside the key results, and the motions."""
-        at_rest = self.ask(stiffness if self.meshed else ANALYTIC_MODEL)
+        at_rest = self._at_rest()
         vibrating = self.ask(modes if self.meshed else ANALYTIC_MODES)
         plane = PLANES[self.mechanism.model]
         rigid = f"rigid bodies, hinges as beams, {plane}"
@@ -281,6 +283,10 @@ class MechanismPage:
                 solved = "finite elements in three dimensions"
             caption = f"Key results by {solved}. ±: numerical uncertainty."
         return opened(drawing, key, caption)
+
+    def _at_rest(self) -> Any:
+        """Return the answer of `stiffness` of the key results, which is computed once."""
+        return self.ask(stiffness if self.meshed else ANALYTIC_MODEL)
 
     def first_shape(self, vibrating: Any) -> Array:
         """Return the displacements (n, 2) of the first natural mode."""

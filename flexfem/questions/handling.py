@@ -133,6 +133,15 @@ def handled(mechanism: Mechanism, at_rest: Stiffness | None = None) -> Handled |
     )
 
 
+def plain(value: Any) -> Any:
+    """Return named tuples as mappings, also within lists."""
+    if hasattr(value, "_asdict"):
+        return {name: plain(part) for name, part in value._asdict().items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return value
+
+
 def _port_of_body(body: int, row: int) -> Port:
     """Return the port of one component of the twist of a body at the origin."""
     unit = tuple(np.eye(3)[row].tolist())

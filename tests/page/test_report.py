@@ -5,7 +5,6 @@ is refused.
 from __future__ import annotations
 
 import re
-import shutil
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
@@ -360,20 +359,7 @@ def test_a_point_tells_its_values_where_it_is():
 
 
 @pytest.mark.slow
-def test_in_a_browser_nothing_complains_and_figures_are_seen_and_tables_sort(written, request):
-    """Chromium without a window, whose console is kept."""
-    webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium")
-    program = shutil.which("chromium")
-    driver = shutil.which("chromedriver")
-    if program is None or driver is None:
-        pytest.skip("needs chromium and chromium-driver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = program
-    for switch in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
-        options.add_argument(switch)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    browser = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
-    request.addfinalizer(browser.quit)
+def test_in_a_browser_nothing_complains_and_figures_are_seen_and_tables_sort(written, browser):
     browser.set_window_size(500, 844)
     browser.get(written.as_uri())
     assert browser.get_log("browser") == []

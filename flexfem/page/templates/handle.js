@@ -13,6 +13,7 @@ class Handle {
     this.loads = new Array(this.ports).fill(0);
     this.strokes = new Array(this.ports - 3).fill(0);
     this.playing = null;
+    this.allowed = Math.max(1, ...this.ends().flat().map((loads) => this.use(loads)));
     this.build();
     this.show();
   }
@@ -62,15 +63,25 @@ class Handle {
     return Math.max(...this.stresses(loads).map((stress, k) => stress / this.data.hinges[k].strength));
   }
 
-  within(loads) { // the same loads, less where a hinge would yield or the range of a direction ends
-    const motions = Handle.times(this.data.compliance, loads);
-    let most = this.use(loads);
+  ends() { // loads at both ends of the range of each direction, the others free
+    return this.data.range.map((range, k) => [range.low, range.high].map((motion) => {
+      const loads = new Array(this.ports).fill(0);
+      loads[k] = motion / this.data.compliance[k][k];
+      return loads;
+    }));
+  }
+
+  // the same loads, less where a hinge would yield or the range of a direction ends; linear theory does not
+  // end the motion within a known range, where it may exceed the yield strength by little
+  within(loads) {
+    let most = this.use(loads) / this.allowed;
     this.limit = "a hinge yields, by linear theory";
-    this.data.range.forEach((range, k) => {
-      const share = motions[k] / (motions[k] < 0 ? range.low : range.high);
-      if (share > most) {
+    this.ends().forEach((ends, k) => {
+      const below = loads[k] < 0;
+      const share = loads[k] / ends[below ? 0 : 1][k];
+      if (share > most * Handle.FULL) {
         most = share;
-        this.limit = motions[k] < 0 ? range.below : range.above;
+        this.limit = `${below ? this.data.range[k].below : this.data.range[k].above}, at finite displacement`;
       }
     });
     this.limited = most > Handle.FULL;
@@ -98,10 +109,11 @@ class Handle {
     let largest = 0;
     for (let port = 0; port < this.ports; port++) {
       const unit = new Array(this.ports).fill(0);
-      unit[port] = 1;
-      const loads = this.within(unit.map((value) => value * 1e9));
-      const moved = Math.hypot(...this.moved(this.twists(loads)[this.data.output_body], this.data.output));
-      largest = Math.max(largest, moved);
+      for (const load of [1e9, -1e9]) {
+        unit[port] = load;
+        const twist = this.twists(this.within(unit))[this.data.output_body];
+        largest = Math.max(largest, Math.hypot(...this.moved(twist, this.data.output)));
+      }
     }
     const size = Math.max(this.data.box[2], this.data.box[3]);
     const factor = (Handle.SHARE * size) / (largest || 1);
@@ -354,5 +366,7 @@ class Handle {
 
 for (const host of document.querySelectorAll(".handle")) {
   const numbers = host.querySelector("script[type='application/json']");
-  if (numbers !== null) new Handle(host, JSON.parse(numbers.textContent));
+  if (numbers === null) continue;
+  host.handle = new Handle(host, JSON.parse(numbers.textContent));
+  host.closest("figure").hidden = false;
 }
