@@ -62,7 +62,8 @@ def _uses(value: Any, names: set[str]) -> bool:
 
 def _materials(mechanism: MechanismTables) -> list[Material]:
     """Return the materials of the plate and of parts with one of their own."""
-    stated = [part.material for part in (*mechanism.body, *mechanism.hinge)]
+    stated = [body.material for body in mechanism.body]
+    stated += [hinge.material for hinge in mechanism.hinge]
     return [mechanism.material, *(each for each in stated if each is not None)]
 
 
