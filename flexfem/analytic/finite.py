@@ -329,19 +329,33 @@ class FinitePlate:
         The second derivatives of the loads come from rotations of arms.
         """
         gradient, K = self.energy(q)
-        port, column, rest_arm, (fx, fy, m) = self.loaded
-        arm = rest_arm * np.exp(1j * q[column + 2])
+        loaded = self.loaded
+        rotations = loaded.column + 2
+        arm = loaded.arm * np.exp(1j * q[rotations])
+        fx, fy, _ = loaded.wrench
+        turning = f[loaded.port] * (arm.real * fx + arm.imag * fy)
+        np.add.at(K, (rotations, rotations), turning)
+        P = self._unit_loads(arm)
+        return BeamState(self._motions(q, arm), P, P @ f - gradient, K)
+
+    def _unit_loads(self, arm: AnyArray) -> Array:
+        """Return the loads (size, k) on the unknowns by unit loads on ports; arm (c,), turned."""
+        port, column, _, (fx, fy, moment) = self.loaded
+        loads = np.zeros((self.size, self.ports))
+        np.add.at(loads, (column, port), fx)
+        np.add.at(loads, (column + 1, port), fy)
+        np.add.at(loads, (column + 2, port), moment + arm.real * fy - arm.imag * fx)
+        return loads
+
+    def _motions(self, q: Array, arm: AnyArray) -> Array:
+        """Return the motions (k,) of the ports at unknowns q (size,); arm (c,), turned."""
+        port, column, rest_arm, (fx, fy, moment) = self.loaded
         swung = arm - rest_arm
-        P = np.zeros((self.size, self.ports))
-        motions = np.zeros(self.ports)
-        for row, values in enumerate((fx, fy, m + arm.real * fy - arm.imag * fx)):
-            np.add.at(P, (column + row, port), values)
         along_x = fx * (q[column] + swung.real)
         along_y = fy * (q[column + 1] + swung.imag)
-        np.add.at(motions, port, along_x + along_y + m * q[column + 2])
-        turning = f[port] * (arm.real * fx + arm.imag * fy)
-        np.add.at(K, (column + 2, column + 2), turning)
-        return BeamState(motions, P, P @ f - gradient, K)
+        motions = np.zeros(self.ports)
+        np.add.at(motions, port, along_x + along_y + moment * q[column + 2])
+        return motions
 
     def largest_change(self, step: Array) -> float:
         """Return the largest rotation, rad, or displacement per extent, of changes (size,) of q."""

@@ -258,17 +258,15 @@ def joint_compliance(
     yy = -x * yt + s * s * axial + c * c * shear
     xy = y * yt + c * s * (axial - shear)
     rows = np.stack(np.broadcast_arrays(xx, xy, xt, xy, yy, yt, xt, yt, rotation))
-    return np.moveaxis(
-        rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1)
-    )  # designs contiguous in memory: faster
+    # designs stay contiguous in memory: faster
+    return np.moveaxis(rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1))
 
 
 def in_series(mechanism: Network) -> Array:
     """Return the sums (..., P, 3, 3) of the compliances of the joints of each path."""
     signs = topology(*mechanism[:3]).signs
-    return np.moveaxis(
-        np.moveaxis(mechanism.compliance, (-2, -1), (0, 1)) @ np.abs(signs).T, (0, 1), (-2, -1)
-    )
+    by_entry = np.moveaxis(mechanism.compliance, (-2, -1), (0, 1))
+    return np.moveaxis(by_entry @ np.abs(signs).T, (0, 1), (-2, -1))
 
 
 def stiffness(mechanism: Network) -> OutputStiffness:

@@ -122,22 +122,30 @@ def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
     The cases are unit loads on the ports. Nodes near loaded points are left out, too. With layers
     it is the highest over the thickness."""
     flat = np.reshape(loads, (-1, len(response.nodal)))
-    places = response.structure.mesh.nodes
-    highest = np.zeros((len(flat), len(response.bodies)))
-    at = np.zeros((*highest.shape, 2))
     bodies = moving_bodies(layout)
-    pairs = zip(response.bodies, response.body_stresses, strict=True)
-    for number, (nodes, stress) in enumerate(pairs):
-        ratio = response.ratio_of(bodies[number])
+    highest = np.zeros((len(flat), len(bodies)))
+    place = np.zeros((len(flat), len(bodies), 2))
+    for number, body in enumerate(bodies):
+        places = response.structure.mesh.nodes[response.bodies[number]]
+        stress = response.body_stresses[number]
+        ratio = response.ratio_of(body)
         for row, load in enumerate(flat):
-            values = von_mises(np.tensordot(load, stress, axes=1), ratio)
-            by_node = values.reshape(len(nodes), -1).max(axis=1)
-            by_node[~body_loads_apart(layout, places[nodes], number, load)] = 0.0
+            by_node = _highest_by_node(np.tensordot(load, stress, axes=1), ratio)
+            by_node[~body_loads_apart(layout, places, number, load)] = 0.0
             worst = int(np.argmax(by_node))
             highest[row, number] = by_node[worst]
-            at[row, number] = places[nodes[worst]]
-    shape = (*np.shape(loads)[:-1], len(response.bodies))
-    return BodyStress(highest.reshape(shape), at.reshape(*shape, 2))
+            place[row, number] = places[worst]
+    shape = (*np.shape(loads)[:-1], len(bodies))
+    return BodyStress(highest.reshape(shape), place.reshape(*shape, 2))
+
+
+def _highest_by_node(stress: Array, ratio: float) -> Array:
+    """Return the von Mises stress (n,) of nodes, with layers the highest over the thickness.
+
+    stress : of the n nodes, as of `nodal_stress` for one load.   ratio : Poisson's ratio.
+    """
+    values = von_mises(stress, ratio)
+    return np.asarray(values.reshape(len(values), -1).max(axis=1))
 
 
 def body_loads_apart(layout: Layout, places: Array, number: int, load: Array) -> NDArray[np.bool_]:

@@ -10,9 +10,10 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.fem.body_stress import moving_bodies
 from flexfem.fem.factor import Solve
 from flexfem.fem.ports import PlateModel, contact_forces, through_thickness
-from flexfem.mechanism.layout import Patch, Port
+from flexfem.mechanism.layout import Layout, Patch, Port
 
 EXACTLY = 1e-12  # relative: smaller eigenvalues of a matrix are zero
 
@@ -118,20 +119,25 @@ class Contacts(NamedTuple):
 
 def contacts(model: PlateModel) -> Contacts:
     """Return the contacts of the ports of a plate, less those with ground that does not move."""
-    layout = model.layout
-    patches = dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts)
-    moving = [at for at in patches if at.body >= 0 and not layout.bodies[at.body].fixed]
+    moving = _moving_patches(model.layout)
     arms = list[complex]()
     rows = list[Array]()
     for patch in moving:
-        along_x, along_y, moment = contact_forces(layout, model.mesh, patch)
+        along_x, along_y, moment = contact_forces(model.layout, model.mesh, patch)
         arms.append(arm_of(along_x, along_y, moment))
         stretch = np.column_stack([moment[:, 1], -moment[:, 0]])
         numbers = np.stack([along_x, along_y, moment, stretch])
         spread = through_thickness(model.structure, numbers)
         rows.append(model.structure.loads(spread).T)
-    wrenches = _wrenches_on(moving, layout.ports)
+    wrenches = _wrenches_on(moving, model.layout.ports)
     return Contacts(sp.csr_array(np.concatenate(rows)), np.array(arms), wrenches)
+
+
+def _moving_patches(layout: Layout) -> list[Patch]:
+    """Return the patches of the ports of a layout, each once, that are on moving bodies."""
+    patches = dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts)
+    moving = set(moving_bodies(layout))
+    return [patch for patch in patches if patch.body in moving]
 
 
 def _wrenches_on(patches: Sequence[Patch], ports: Sequence[Port]) -> Array:

@@ -409,9 +409,8 @@ def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_arr
     """
     matrices = _line_matrices(line)
     plane = _summed_blocks(pairs, blocks, len(matrices) * line.axes**2)
-    node, axis = np.divmod(
-        line.free_components, line.axes
-    )  # of the unknowns of a node of the plane
+    # of the unknowns of a node of the plane
+    node, axis = np.divmod(line.free_components, line.axes)
     on_points = (line.values != 0).astype(float)
     i, j = np.nonzero((on_points @ on_points.T)[np.ix_(node, node)])  # their nodes share a layer
     factors = np.zeros((len(matrices), line.axes, line.axes, len(i)))

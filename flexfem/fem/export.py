@@ -24,14 +24,12 @@ FORMATS = (".msh", ".vtu", ".inp")
 def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
     """Yield the Abaqus/CalculiX input deck of a plate with a hub, in N, mm, MPa and rad.
 
-    It has a linear step for each unit load.
-
-    The sets are `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the
-    mesh has the number k + 1; two more nodes at the platform centre carry the pose: x and y are the
-    degrees of freedom 1 and 2 of the first, theta, in rad, is the degree of freedom 1 of the
-    second, where a moment in N mm acts as a force. Linear equations tie the hub to them, `u = X -
-    theta y`, `v = Y + theta x`, because a `*RIGID BODY` describes a large rotation, which each
-    program linearises differently.
+    It has a linear step for each unit load. The sets are `stage` (elements), `all`, `ground`, `hub`
+    and `platform` (nodes). Node k of the mesh has the number k + 1; two more nodes at the platform
+    centre carry the pose: x and y are the degrees of freedom 1 and 2 of the first, theta, in rad,
+    is the degree of freedom 1 of the second, where a moment in N mm acts as a force. Linear
+    equations tie the hub to them, `u = X - theta y`, `v = Y + theta x`, because a `*RIGID BODY`
+    describes a large rotation, which each program linearises differently.
     """
     centre = len(mesh.nodes) + 1
     rotation = len(mesh.nodes) + 2
@@ -41,31 +39,34 @@ def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
         ties += ["*EQUATION", "3", f"{node}, 1, 1, {centre}, 1, -1, {rotation}, 1, {_field(y)}"]
         ties += ["*EQUATION", "3", f"{node}, 2, 1, {centre}, 2, -1, {rotation}, 1, {_field(-x)}"]
     pose = ["*NODE, NSET=platform", f"{centre}, 0, 0, 0", f"{rotation}, 0, 0, 0"]
-    loads = (
-        [
-            f"{centre}, 1, {_field(fx)}",
-            f"{centre}, 2, {_field(fy)}",
-            f"{rotation}, 1, {_field(moment)}",
-        ]
-        for fx, fy, moment in np.eye(3)
-    )
+    loads = list[list[str]]()
+    for fx, fy, moment in np.eye(3):
+        force = [f"{centre}, 1, {_field(fx)}", f"{centre}, 2, {_field(fy)}"]
+        loads.append([*force, f"{rotation}, 1, {_field(moment)}"])
     return _lines(mesh, plate, "stage", sets, loads, pose, ties)
 
 
 def _plate_deck(mesh: StageMesh, layout: Layout) -> Iterator[str]:
     """Yield the deck of a mechanism: a step for each unit load on its ports, as nodal forces."""
-    loads = (
-        [
-            f"{node + 1}, {axis + 1}, {_field(force[node, axis])}"
-            for node, axis in np.argwhere(force)
-        ]
-        for force in forces_on_ports(layout, mesh)
-    )
-    yield from (
-        f"** step {k}: unit load on {port.label}" for k, port in enumerate(layout.ports, start=1)
-    )
+    loads = (_nodal_forces(force) for force in forces_on_ports(layout, mesh))
+    for k, port in enumerate(layout.ports, start=1):
+        yield f"** step {k}: unit load on {port.label}"
     plate = plate_of_layout(layout, mesh=mesh)
     yield from _lines(mesh, plate, "plate", {"ground": held_nodes(layout, mesh)}, loads)
+
+
+def _nodal_forces(force: Array) -> list[str]:
+    """Return the lines of nodal forces (n, 2), N, those that are not zero."""
+    lines = list[str]()
+    for node, axis in np.argwhere(force):
+        lines.append(f"{node + 1}, {axis + 1}, {_field(force[node, axis])}")
+    return lines
+
+
+def _numbers(values: Sequence[int]) -> Iterator[str]:
+    """Yield the lines of the members of a set."""
+    for start in range(0, len(values), PER_LINE):
+        yield ", ".join(map(str, values[start : start + PER_LINE])) + ","
 
 
 def _lines(
@@ -82,42 +83,38 @@ def _lines(
     `pose` defines the nodes `platform`, which `ties` connect to the mesh.
     """
     yield from ("*HEADING", f"flexure-hinge {name} by flexfem; N, mm, MPa, rad", "*NODE, NSET=all")
-    yield from (f"{k}, {_field(x)}, {_field(y)}, 0" for k, (x, y) in enumerate(mesh.nodes, start=1))
+    for k, (x, y) in enumerate(mesh.nodes, start=1):
+        yield f"{k}, {_field(x)}, {_field(y)}, 0"
     yield from pose
     # corners, then middles of the sides 12, 23, 31, as in the mesh
     yield f"*ELEMENT, TYPE=CPS6, ELSET={name}"
-    yield from (
-        ", ".join(map(str, (k, *row)))
-        for k, row in enumerate((mesh.triangles + 1).tolist(), start=1)
-    )
-    for group, nodes in sets.items():
+    for k, nodes in enumerate((mesh.triangles + 1).tolist(), start=1):
+        yield ", ".join(map(str, (k, *nodes)))
+    for group, members in sets.items():
         yield f"*NSET, NSET={group}"
-        numbers = (nodes + 1).tolist()
-        for start in range(0, len(numbers), PER_LINE):
-            yield ", ".join(map(str, numbers[start : start + PER_LINE])) + ","
+        yield from _numbers((members + 1).tolist())
     yield from _materials(plate, name)
     yield from ties
     yield from ("*BOUNDARY", "ground, 1, 2")
     for load in loads:
         yield from ("*STEP", "*STATIC", "*CLOAD, OP=NEW", *load, "*NODE PRINT, NSET=all", "U")
-        yield from ("*NODE PRINT, NSET=platform", "U") if pose else ()
+        if pose:
+            yield from ("*NODE PRINT, NSET=platform", "U")
         yield from ("*NODE PRINT, NSET=ground, TOTALS=YES", "RF", "*EL FILE", "S", "*END STEP")
 
 
 def _materials(plate: Plate, name: str) -> Iterator[str]:
-    """Yield the materials of a plate.
-
-    Those of parts with different ones have element sets by number.
-    """
+    """Yield the materials of a plate; of parts with different ones, with element sets by number."""
     constants = np.reshape([plate.youngs_modulus, plate.poissons_ratio], (2, -1))
     values, number = np.unique(constants, axis=1, return_inverse=True)
     for k, (E, nu) in enumerate(values.T):
-        material, group = (f"sheet{k + 1}", f"{name}{k + 1}") if plate.mixed else ("sheet", name)
+        material = "sheet"
+        group = name
         if plate.mixed:
+            material = f"sheet{k + 1}"
+            group = f"{name}{k + 1}"
             yield f"*ELSET, ELSET={group}"
-            elements = (np.flatnonzero(np.ravel(number) == k) + 1).tolist()
-            for start in range(0, len(elements), PER_LINE):
-                yield ", ".join(map(str, elements[start : start + PER_LINE])) + ","
+            yield from _numbers((np.flatnonzero(np.ravel(number) == k) + 1).tolist())
         yield from (f"*MATERIAL, NAME={material}", "*ELASTIC", f"{_field(E)}, {_field(nu)}")
         yield from (f"*SOLID SECTION, ELSET={group}, MATERIAL={material}", _field(plate.thickness))
 
@@ -128,9 +125,7 @@ def _field(value: float) -> str:
 
 
 def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
-    """Write a mesh in the format of the file's extension.
-
-    Its groups are `stage`, `ground` and `hub`.
+    """Write a mesh in the format of the file's extension, with groups `stage`, `ground` and `hub`.
 
     An Abaqus or CalculiX deck (.inp) also holds the plate, the clamps, the rigid hub and a step for
     each unit load.
@@ -146,28 +141,21 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
 def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
     """Write the mesh of a mechanism in the format of the file's extension.
 
-    Its groups are bodies, hinges and clamped edges.
-
-    An Abaqus or CalculiX deck (.inp) has the nodes of the ground, the plate, and a step for each
-    unit load on a port.
+    Its groups are bodies, hinges and clamped edges. An Abaqus or CalculiX deck (.inp) has the nodes
+    of the ground, the plate, and a step for each unit load on a port.
     """
-    names = [
-        *(f"body {body.name}" for body in layout.bodies),
-        *(f"hinge {joint.name}" for joint in layout.joints),
-    ]
-    cells = {
-        name: ("triangle6", mesh.triangles[mesh.bodies == k])
-        for k, name in enumerate(_group_names(names))
-    }
-    cells |= {name: ("line3", edges) for name, edges in mesh.edges.items() if name == "clamped"}
+    names = [f"body {body.name}" for body in layout.bodies]
+    names += [f"hinge {joint.name}" for joint in layout.joints]
+    cells = dict[str, tuple[str, Index]]()
+    for k, name in enumerate(_group_names(names)):
+        cells[name] = ("triangle6", mesh.triangles[mesh.bodies == k])
+    if "clamped" in mesh.edges:
+        cells["clamped"] = ("line3", mesh.edges["clamped"])
     _write(mesh, path, _plate_deck(mesh, layout), cells)
 
 
 def _group_names(names: Sequence[str]) -> list[str]:
-    """Return different names that a quoted string of .msh can hold.
-
-    They are short, without quotes and backslashes.
-    """
+    """Return different short names, without quotes and backslashes, for a quoted string of .msh."""
     found = list[str]()
     for name in names:
         plain = name.translate({ord('"'): "'", ord("\\"): "/"})
@@ -191,19 +179,24 @@ def _write(
     elif path.suffix == ".vtu":
         write_vtu(mesh, path, {})
     else:
-        import meshio
+        _write_msh(mesh, path, cells)
 
-        tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(cells.values(), start=1)]
-        axes = {"triangle6": 2, "line3": 1}
-        groups = {
-            name: np.array([tag, axes[kind]])
-            for tag, (name, (kind, _)) in enumerate(cells.items(), 1)
-        }
-        physical = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-        points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
-        grid = meshio.Mesh(points, list(cells.values()), cell_data=physical, field_data=groups)
-        with replacing(path) as temporary:
-            meshio.write(temporary, grid, file_format="gmsh22")
+
+def _write_msh(mesh: StageMesh, path: Path, cells: Mapping[str, tuple[str, Index]]) -> None:
+    """Write the cells of a mesh by group, each of one kind, as .msh."""
+    import meshio
+
+    axes = {"triangle6": 2, "line3": 1}
+    tags = list[Index]()
+    groups = dict[str, Index]()
+    for tag, (name, (kind, nodes)) in enumerate(cells.items(), start=1):
+        tags.append(np.full(len(nodes), tag))
+        groups[name] = np.array([tag, axes[kind]])
+    physical = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
+    grid = meshio.Mesh(points, list(cells.values()), cell_data=physical, field_data=groups)
+    with replacing(path) as temporary:
+        meshio.write(temporary, grid, file_format="gmsh22")
 
 
 def check_format(path: Path) -> None:
@@ -226,14 +219,21 @@ def write_vtu(
     import meshio
 
     count = len(mesh.nodes)
-    z = np.zeros(1) if heights is None else heights
-    kind = "triangle6" if heights is None else "wedge18"
-    cells = mesh.triangles if heights is None else _wedges(mesh.triangles, len(z))
+    if heights is None:
+        z = np.zeros(1)
+        kind = "triangle6"
+        cells = mesh.triangles
+    else:
+        z = heights
+        kind = "wedge18"
+        cells = _wedges(mesh.triangles, len(z))
     bodies = np.tile(mesh.bodies, len(cells) // len(mesh.triangles))
     data = dict[str, Array]()
     for name, field in fields.items():
         values = field.reshape(count * len(z), *field.shape[1 if heights is None else 2 :])
-        data[name] = np.pad(values, [(0, 0), (0, 1)]) if values.shape[1:] == (2,) else values
+        if values.shape[1:] == (2,):
+            values = np.pad(values, [(0, 0), (0, 1)])  # vectors of VTK have three components
+        data[name] = values
     for group in GROUPS:
         if group in mesh.edges:
             marked = np.isin(np.arange(count), mesh.edges[group])

@@ -284,23 +284,31 @@ def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
     numbered from `BODIES_OF_SECTOR * s`, and its necks are labelled `neck 1 base` and so on with
     the number of the sector from 1.
     """
-    parts = [sector.mesh for sector in (sectors * SECTORS if len(sectors) == 1 else sectors)]
+    if len(sectors) == 1:
+        sectors = sectors * SECTORS
+    parts = [sector.mesh for sector in sectors]
     kept, sector_nodes = _numbered_nodes(parts)
     turned_nodes = [turned(part.nodes, k * SECTOR_TURN) for k, part in enumerate(parts)]
     nodes = np.concatenate(turned_nodes)[kept]
     triangles = list[Index]()
     bodies = list[Index]()
-    edges: dict[str, list[Index]] = {}
     for k, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True)):
         triangles.append(numbers[part.triangles])
         bodies.append(BODIES_OF_SECTOR * k + part.bodies)
+    edges = _edges_of_sectors(parts, sector_nodes)
+    mesh = StageMesh(nodes, np.concatenate(triangles), np.concatenate(bodies), edges)
+    return mesh, sector_nodes
+
+
+def _edges_of_sectors(parts: list[StageMesh], sector_nodes: list[Index]) -> dict[str, Index]:
+    """Return the labelled edges of all sectors but the cuts, each neck with its sector from 1."""
+    edges: dict[str, list[Index]] = {}
+    for sector, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True), start=1):
         for label, edge in part.edges.items():
             if not label.startswith("cut"):
-                label = label.replace("neck", f"neck {k + 1}")
-                edges.setdefault(label, []).append(numbers[edge])
-    whole = {label: np.concatenate(edge) for label, edge in edges.items()}
-    mesh = StageMesh(nodes, np.concatenate(triangles), np.concatenate(bodies), whole)
-    return mesh, sector_nodes
+                own_label = label.replace("neck", f"neck {sector}")
+                edges.setdefault(own_label, []).append(numbers[edge])
+    return {label: np.concatenate(edge) for label, edge in edges.items()}
 
 
 def _numbered_nodes(parts: list[StageMesh]) -> tuple[Index, list[Index]]:

@@ -48,6 +48,7 @@ PERPENDICULAR = 1e-5  # most cosine between the normals of a plate and of a face
 SOLID_NAME = re.compile(rb"MANIFOLD_SOLID_BREP\s*\(\s*'((?:[^']|'')*)'")
 PARALLEL = 1 - 1e-9  # least cosine between the normals of parallel faces
 MOST_ARCS = 1000  # in place of one curve
+ON_LINE = 1e-9  # sine of the angle between two chords, below which three points are on a line
 MOST_DIRECTIONS = 30  # of plane faces that may be the sides of a plate
 POLL = 0.25  # s between two polls of a process
 # s between two polls; a longer gap means that this process or the machine was suspended
@@ -247,10 +248,7 @@ def _draw_faces(kernel: Any, faces: list[Face]) -> _Drawn:
     A segment with coincident ends is omitted; a curve that a face traverses backwards has a
     negative tag in its loop.
     """
-    ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
-    apart = np.abs(ends.ravel()[:, None] - ends.ravel())
-    first = np.argmax(apart < SAME_POINT, axis=1)  # first end at the same point
-    indices = iter(first.reshape(ends.shape).tolist())
+    indices = iter(_ends_at_same_point(faces))
     points = dict[int, int]()
     drawn = dict[tuple[int, int], int]()
     labelled = list[tuple[str, int]]()
@@ -264,15 +262,24 @@ def _draw_faces(kernel: Any, faces: list[Face]) -> _Drawn:
             if (end, start) in drawn:
                 tags.append(-drawn[end, start])
                 continue
-            for index in (start, end):
-                if index not in points:
-                    points[index] = _point(kernel, ends.flat[index])
+            if start not in points:
+                points[start] = _point(kernel, segment.start)
+            if end not in points:
+                points[end] = _point(kernel, segment.end)
             drawn[start, end] = _draw_curve(kernel, segment, points[start], points[end])
             tags.append(drawn[start, end])
             if label != "free":
                 labelled.append((label, tags[-1]))
         loops.append(kernel.addCurveLoop(tags))
     return _Drawn(labelled, [[int(kernel.addPlaneSurface([loop]))] for loop in loops])
+
+
+def _ends_at_same_point(faces: list[Face]) -> list[tuple[int, int]]:
+    """Return for the start and end of every segment the index of the first end at this point."""
+    ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
+    apart = np.abs(ends.ravel()[:, None] - ends.ravel())
+    first = np.argmax(apart < SAME_POINT, axis=1)
+    return [(start, end) for start, end in first.reshape(ends.shape).tolist()]
 
 
 def mesh_faces(job: FaceMesh) -> NamedArrays:
@@ -489,26 +496,41 @@ def _divide(model: Any, job: PlateMesh) -> _Drawn:
     triangle edge follows this side.
     """
     kernel = model.occ
-    lined = {line.region for line in job.lines}
-    with_lines = [region for index, region in enumerate(job.regions) if index in lined]
-    united = _union(kernel, with_lines) if lined else []
-    alone = list[tuple[int, tuple[int, int]]]()  # regions without lines and their faces
-    for index, region in enumerate(job.regions):
-        if index not in lined:
-            alone += [(index, face) for face in _draw_region(kernel, region)]
-    drawn = [*united, *(face for _, face in alone)]
-    pieces = kernel.fragment(drawn, [_draw_line(kernel, line) for line in job.lines])[1]
+    drawn = _draw_regions(kernel, job)
+    pieces = kernel.fragment(drawn.faces, [_draw_line(kernel, line) for line in job.lines])[1]
     kernel.synchronize()
     owner = dict[int, int]()
-    for (index, _), found in zip(alone, pieces[len(united) : len(drawn)], strict=True):
-        owner.update((tag, index) for _, tag in found)
-    curves = _owned_curves(model, job.lines, pieces[len(drawn) :], owner)
+    for region, found in zip(drawn.regions, pieces, strict=False):  # pieces of lines follow
+        if region is not None:
+            owner.update((tag, region) for _, tag in found)
+    curves = _owned_curves(model, job.lines, pieces[len(drawn.faces) :], owner)
     if len(owner) != len(model.getEntities(2)):
         raise ValueError("a part of the plate is connected to nothing")
     faces: list[list[int]] = [[] for _ in job.regions]
-    for tag, index in owner.items():
-        faces[index].append(tag)
+    for tag, region in owner.items():
+        faces[region].append(tag)
     return _Drawn(curves, faces)
+
+
+class _DrawnRegions(NamedTuple):
+    """Faces of gmsh, and the region of each, None for faces of several regions that are united."""
+
+    faces: list[tuple[int, int]]
+    regions: list[int | None]
+
+
+def _draw_regions(kernel: Any, job: PlateMesh) -> _DrawnRegions:
+    """Draw the union of the regions with lines, and every other region by itself."""
+    with_lines = {line.region for line in job.lines}
+    united = [region for index, region in enumerate(job.regions) if index in with_lines]
+    faces = _union(kernel, united) if with_lines else []
+    regions: list[int | None] = [None] * len(faces)
+    for index, region in enumerate(job.regions):
+        if index not in with_lines:
+            own_faces = _draw_region(kernel, region)
+            faces += own_faces
+            regions += [index] * len(own_faces)
+    return _DrawnRegions(faces, regions)
 
 
 def _draw_line(kernel: Any, line: Line) -> tuple[int, int]:
@@ -678,23 +700,29 @@ def _arcs_through(curve: _CurveOnModel, count: int) -> tuple[list[Segment], floa
     Each goes through three points, and its distance is that of two points between them.
     """
     points = curve.points(np.arange(4 * count + 1) / (4 * count))
-    a = points[:-1:4]
-    u = points[2::4] - a
-    v = points[4::4] - a
-    with np.errstate(divide="ignore", invalid="ignore"):
-        turn = (np.conj(u) * v).imag
-        centres = a + 0.5j * (u * np.abs(v) ** 2 - v * np.abs(u) ** 2) / turn
-    straight = np.abs(turn) < 1e-9 * np.abs(v) ** 2
+    start = points[:-1:4]
+    end = points[4::4]
+    centres, straight = _centres(start, points[2::4], end)
     between = np.stack([points[1::4], points[3::4]])
-    from_line = np.abs(((between - a) / v).imag * np.abs(v))
-    from_arc = np.abs(np.abs(between - centres) - np.abs(a - centres))
+    chord = end - start
+    from_line = np.abs(((between - start) / chord).imag * np.abs(chord))
+    from_arc = np.abs(np.abs(between - centres) - np.abs(start - centres))
     error = float(np.max(np.where(straight, from_line, from_arc)))
     arcs = list[Segment]()
-    for line, centre, start, end in zip(
-        straight.tolist(), centres.tolist(), a.tolist(), points[4::4].tolist(), strict=True
-    ):
-        arcs.append(Segment(start, end, None if line else centre))
+    for index, (first, last) in enumerate(pairwise(points[::4].tolist())):
+        centre = None if straight[index] else complex(centres[index])
+        arcs.append(Segment(first, last, centre))
     return arcs, error
+
+
+def _centres(start: AnyArray, middle: AnyArray, end: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Return the centres of circles through three points (n,), and which three are on a line."""
+    u = middle - start
+    v = end - start
+    turn = (np.conj(u) * v).imag
+    with np.errstate(divide="ignore", invalid="ignore"):
+        centres = start + 0.5j * (u * np.abs(v) ** 2 - v * np.abs(u) ** 2) / turn
+    return centres, np.abs(turn) < ON_LINE * np.abs(v) ** 2
 
 
 def section_of(job: SolidSection) -> FoundSection:
@@ -708,11 +736,7 @@ def section_of(job: SolidSection) -> FoundSection:
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         gmsh.option.setNumber("Geometry.OCCImportLabels", 1)
         kernel = gmsh.model.occ
-        solids = [tag for dim, tag in kernel.importShapes(job.path) if dim == 3]
-        kernel.synchronize()
-        names_of = dict(zip(solids, _names_of_solids(gmsh.model, solids, job.path), strict=True))
-        solids.sort(key=lambda tag: -kernel.getMass(3, tag))
-        names = [names_of[tag] for tag in solids]
+        solids, names = _imported_solids(gmsh.model, job.path)
         chosen = _chosen(job.part, names)
         if chosen < 0:
             return FoundSection([], names, -1)
@@ -737,6 +761,15 @@ def section_of(job: SolidSection) -> FoundSection:
             _counted_faces([face for face in faces if not _fits(face, sides)]),
             _only_lines_and_circles(gmsh.model),
         )
+
+
+def _imported_solids(model: Any, path: str) -> tuple[list[int], list[str]]:
+    """Return the tags of the solids of a file and their names, the largest solid first."""
+    solids = [tag for dim, tag in model.occ.importShapes(path) if dim == 3]
+    model.occ.synchronize()
+    names = dict(zip(solids, _names_of_solids(model, solids, path), strict=True))
+    solids.sort(key=lambda tag: -model.occ.getMass(3, tag))
+    return solids, [names[tag] for tag in solids]
 
 
 def _cut_in_middle(kernel: Any, solid: tuple[int, int]) -> list[tuple[int, int]]:

@@ -7,6 +7,7 @@ pairs of one frequency, those of harmonic 1."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -173,16 +174,25 @@ def sector_modes(
     vibrating = vibrating_structure(mass, space=factorised.spaces[0])
     if not factorised.cyclic:
         return modes(vibrating, count)
-    single, motion = _ritz(factorised.spaces[0], vibrating, count)
-    double, pairs = _ritz(factorised.spaces[1], vibrating, -(-count // 2))
-    parts = _motions_of_sectors(motion, pairs)
     mesh, sector_nodes = joined(sectors)
     whole = structure(mesh, plate, layers)
+    squares, parts = _modes_by_sector(factorised.spaces, vibrating, count)
     fields = [factorised.structure.fields(part) for part in parts]
     shapes = whole.loads(whole_fields(len(mesh.nodes), sector_nodes, fields))
     shapes[-3:] = parts[0][-3:]
-    squares = np.concatenate([single, double, double])
     return _ordered_modes(squares, shapes, mass_of(whole, density, carried), count)
+
+
+def _modes_by_sector(
+    spaces: Sequence[Space], vibrating: VibratingStructure, count: int
+) -> tuple[Array, list[Array]]:
+    """Return squares of frequencies, (rad/s)^2, and the unknowns of each sector in their modes.
+
+    spaces : of one sector, for harmonics 0 and 1; modes of harmonic 1 occur in pairs.
+    """
+    single, alike = _ritz(spaces[0], vibrating, count)
+    double, pairs = _ritz(spaces[1], vibrating, -(-count // 2))
+    return np.concatenate([single, double, double]), _motions_of_sectors(alike, pairs)
 
 
 def _motions_of_sectors(alike: Array, pairs: Array) -> list[Array]:
@@ -241,9 +251,8 @@ def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
     start = np.random.default_rng(0).standard_normal(size)  # reproducible
     try:
         arnoldi = {"v0": start, "ncv": min(size, max(2 * count + 1, BASIS)), "tol": TOLERANCE}
-        values, vectors = eigsh(
-            mass, count, M=mass, sigma=0.0, OPinv=inverse, **arnoldi
-        )  # argument 1 is not used
+        # the first argument is not used
+        values, vectors = eigsh(mass, count, M=mass, sigma=0.0, OPinv=inverse, **arnoldi)
     except ArpackError as failure:
         raise ComputationFailed(f"eigenvalues: {failure}") from None
     order = np.argsort(values)

@@ -80,11 +80,16 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
     flat = products.reshape(count, 12, -1)
     m, f = ((part @ part.transpose(0, 2, 1)).reshape(-1, 6, 2, 6, 2) for part in (p, flat))
     k = (lame * m + mu * (m.transpose(0, 1, 4, 3, 2) + f)).transpose(0, 1, 3, 2, 4)
-    stressed = np.einsum("eABq,eiBq->eiAq", stress * weight, batch.gradients, optimize=True)
-    flat_gradients = batch.gradients.reshape(count, 6, -1)
-    geometric = stressed.reshape(count, 6, -1) @ flat_gradients.transpose(0, 2, 1)
-    k[..., range(2), range(2)] += geometric[..., None]
+    k[..., range(2), range(2)] += _geometric_stiffness(batch, stress)[..., None]
     return np.asarray(k[:, :, :, None])
+
+
+def _geometric_stiffness(batch: ElementBatch, stress: Array) -> Array:
+    """Return `int d_A phi_i S_AB d_B phi_j dA` (e, 6, 6) of a stress S (e, 2, 2, q)."""
+    weighted = stress * batch.weights[:, None, None]
+    stressed = np.einsum("eABq,eiBq->eiAq", weighted, batch.gradients, optimize=True)
+    gradients = batch.gradients.reshape(len(batch.triangles), 6, -1)
+    return np.asarray(stressed.reshape(gradients.shape) @ gradients.transpose(0, 2, 1))
 
 
 class State(NamedTuple):
@@ -536,7 +541,6 @@ def _step(
     goal : a load (k,), or weighted sums (p,) of motions and loads of held ports, whose load is
     found.
     """
-    structure = model.structure
     internal = model.internal(state)
     loads = model.loads(state)
     solve = model.solver(state, state.load if held else goal)
@@ -548,16 +552,29 @@ def _step(
         load = _load_of_held(goal, held, weights, moved, loads.T @ unit)
     change = solution[:, 0] + unit @ load
     size = float(np.sqrt(abs(change @ (loads @ load - internal.forces))))
+    held_pose = goal if held and model.structure.poses else None
+    following, largest = _following_state(model, state, change, load, held_pose)
+    return _Step(following, size, internal.energy, largest, loads.T @ unit, solve)
+
+
+def _following_state(
+    model: LargeStructure, state: State, change: Array, load: Array, held_pose: Array | None
+) -> tuple[State, float]:
+    """Return the state after a change of the unknowns, with the stress to first order in it.
+
+    load : (k,), of the new state.   held_pose : (3,), of a hub that is held there, else None.
+    The second value is the largest change of a displacement gradient.
+    """
+    structure = model.structure
     turned = change[model.free :] if structure.poses else np.zeros(3)
-    pose = goal if held and structure.poses else state.pose + turned
+    pose = state.pose + turned if held_pose is None else held_pose
     linear = np.zeros_like(state.field)
     linear[structure.free] = change[: model.free].reshape(-1, 2)
     field = state.field + linear
     field[structure.hub] = model.hub_motion(pose)[0]
     linear[structure.hub] = (model.hub_jacobian(state.pose) @ turned).reshape(-1, 2)
     stress, largest = _predicted_stress(model, state, linear)
-    following = State(pose, field, stress, load, model.turns(field, state.turn))
-    return _Step(following, size, internal.energy, largest, loads.T @ unit, solve)
+    return State(pose, field, stress, load, model.turns(field, state.turn)), largest
 
 
 def _load_of_held(

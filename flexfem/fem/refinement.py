@@ -22,11 +22,10 @@ CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an el
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
 AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
 RAYS = 0.1  # distance between rays from a side of a body, per mean width
-# triangles per full turn of holes and fillets of bodies, times the resolution: their stress is finer
+# triangles per full turn of holes and fillets of bodies, times the resolution
 ON_ARCS = 4.0
-MOST_ARCS = (
-    200  # of a plate; with more of them, such as a sieve, the mesh follows the outline alone
-)
+# of a plate; with more of them, such as a sieve, the mesh follows the outline alone
+MOST_ARCS = 200
 MOST_RAYS = 64  # from a side, or around one of its rays
 FACING = 0.7  # cosine of the angle between two sides that face each other
 

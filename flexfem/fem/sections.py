@@ -21,9 +21,9 @@ from flexfem.mechanism.layout import Layout
 
 
 class Strains(NamedTuple):
-    """Largest magnitude of a principal strain (p,) of parts, and its places (p, 2), mm.
+    """Largest principal strain (p,) of hinges, then moving bodies, and its places (p, 2), mm.
 
-    The parts are hinges, then moving bodies.
+    It is the largest magnitude.
     """
 
     highest: Array
@@ -33,9 +33,9 @@ class Strains(NamedTuple):
 def hinge_wrenches(response: Response, layout: Layout, field: Array) -> Array:
     """Return tension N, transverse force V and moment M (h, 3) at the centres of hinges.
 
-    They are in N and N mm, by a field, mm.
+    They are in N and N mm, and act on the end of a hinge at its second body, in its axes.
 
-    They act on the end of a hinge at its second body, in its axes.
+    field : displacements of the nodes, mm.
     """
     bodies = response.structure.mesh.bodies
     found = np.zeros((len(layout.joints), 3))
@@ -49,7 +49,7 @@ def hinge_wrenches(response: Response, layout: Layout, field: Array) -> Array:
 def section_wrench(response: Response, field: Array, start: complex, end: complex) -> Array:
     """Return axial force, shear force and moment (3,), N and N mm, through a section.
 
-    The section is from a point to another one.
+    start, end : ends of the section, complex, mm.
 
     They act on the material at the left of the line: the axial force is along the normal to the
     right, so that tension is positive, the shear force along the line, and the moment about the
@@ -58,18 +58,18 @@ def section_wrench(response: Response, field: Array, start: complex, end: comple
     Raises ValueError without material at the line.
     """
     mesh = response.structure.mesh
-    along = (end - start) / abs(end - start)
-    z = (mesh.nodes[mesh.triangles[:, :3]].mean(axis=1) @ [1, 1j] - start) * along.conjugate()
-    left = z.imag > 0
-    at = (mesh.nodes @ [1, 1j] - start) * along.conjugate()
+    length = abs(end - start)
+    along = (end - start) / length
+    middles = mesh.nodes[mesh.triangles[:, :3]].mean(axis=1) @ [1, 1j]
+    left = ((middles - start) * along.conjugate()).imag > 0
+    at = ((mesh.nodes @ [1, 1j] - start) * along.conjugate()).real
     both = np.intersect1d(mesh.triangles[left], mesh.triangles[~left])
-    nodes = both[(at.real[both] > 0) & (at.real[both] < abs(end - start))]
+    nodes = both[(at[both] > 0) & (at[both] < length)]
     if not len(nodes):
         raise ValueError("no material")
     touching = left & np.isin(mesh.triangles, nodes).any(axis=1)
-    return _resultant(
-        response, field, touching, nodes, (start + end) / 2, float(np.angle(-1j * along))
-    )
+    heading = float(np.angle(-1j * along))
+    return _resultant(response, field, touching, nodes, (start + end) / 2, heading)
 
 
 def _resultant(
@@ -80,17 +80,16 @@ def _resultant(
     point: complex,
     heading: float,
 ) -> Array:
-    """Return force and moment (3,) about a point that act on triangles at nodes.
+    """Return force and moment (3,) about a point on chosen triangles at nodes.
 
     They are in axes turned by `heading`.
     """
     structure = response.structure
     mesh = structure.mesh
-    part = replace(
-        structure, mesh=mesh._replace(triangles=mesh.triangles[chosen], bodies=mesh.bodies[chosen])
-    )
-    forces = part.forces(field[None])[0].reshape(len(mesh.nodes), -1, structure.line.axes)[nodes]
-    fx, fy = forces.sum(axis=1)[:, :2].T
+    triangles = mesh._replace(triangles=mesh.triangles[chosen], bodies=mesh.bodies[chosen])
+    part = replace(structure, mesh=triangles)
+    forces = part.forces(field[None])[0].reshape(len(mesh.nodes), -1, structure.line.axes)
+    fx, fy = forces[nodes].sum(axis=1)[:, :2].T
     x, y = (mesh.nodes[nodes] - [point.real, point.imag]).T
     force = complex(fx.sum(), fy.sum()) * np.exp(-1j * heading)
     return np.array([force.real, force.imag, np.sum(x * fy - y * fx)])
@@ -99,9 +98,8 @@ def _resultant(
 def part_strains(response: Response, layout: Layout, load: Array) -> Strains:
     """Return the highest strains in the plane by a load (k,) on the ports.
 
-    They are taken at the nodes at which stress is stated.
-
-    A strain is the stress in a material of unit modulus without Poisson's ratio.
+    They are taken at the nodes at which stress is stated. A strain is the stress in a material of
+    unit modulus without Poisson's ratio.
     """
     mesh = response.structure.mesh
     layers = response.structure.layers

@@ -43,17 +43,12 @@ def quadrature(tau: Array, power_of_x: int, power_of_depth: int) -> Array:
     theta = scale * np.sinh(end * NODES)
     depth = scale**2 + 4.0 * np.sin(0.5 * theta) ** 2
     jacobian = np.cos(theta) * scale * np.cosh(end * NODES) * end
-    value: Array = np.sum(
-        WEIGHTS * np.sin(theta) ** power_of_x * depth**-power_of_depth * jacobian, axis=-1
-    )
-    return value
+    integrand = np.sin(theta) ** power_of_x * depth**-power_of_depth
+    return np.asarray(np.sum(WEIGHTS * integrand * jacobian, axis=-1))
 
 
 def rotation_paros_weisbord(tau: Array) -> Array:
-    """E b R^2 alpha_z/M_z by (2), for the full notch.
-
-    (2) holds for any depth gamma; here gamma = 1 + beta.
-    """
+    """E b R^2 alpha_z/M_z by (2), which holds for any depth gamma; here gamma = 1 + beta."""
     beta = 0.5 * tau
     gamma = 1.0 + beta
     q = 2.0 * beta + beta**2
@@ -92,12 +87,10 @@ ROUND_OFF = 1e-9  # relative; a block as high as the notch is on the chart in sp
 
 
 class Compliance(NamedTuple):
-    """Compliances of a hinge about its neck centre in its own frame, or factors on them.
+    """Uncoupled compliances of a hinge about its neck centre in its own frame, or factors on them.
 
-    They are uncoupled there.
-
-    rotation : 1/(N mm), relative angle of the two bodies per moment.   axial : mm/N, elongation per
-    axial force.
+    rotation : 1/(N mm), relative angle of the two bodies per moment.
+    axial : mm/N, elongation per axial force.
     shear : mm/N, transverse displacement per transverse force at the neck centre.
     """
 
@@ -127,10 +120,12 @@ class Series(NamedTuple):
         samples: Array,
     ) -> Series:
         """Interpolate samples (functions, n, m, ...) at Chebyshev points."""
-        for axis, nodes in enumerate(points, start=1):
-            inverse = np.linalg.inv(_vander(nodes, ends[axis - 1], scales[axis - 1], len(nodes)))
-            samples = np.moveaxis(np.tensordot(inverse, samples, axes=(1, axis)), 0, axis)
-        return cls(ends, scales, samples)
+        coefficients = samples
+        for axis, nodes in enumerate(points):
+            inverse = np.linalg.inv(_vander(nodes, ends[axis], scales[axis], len(nodes)))
+            along_axis = np.tensordot(inverse, coefficients, axes=(1, axis + 1))
+            coefficients = np.moveaxis(along_axis, 0, axis + 1)
+        return cls(ends, scales, coefficients)
 
     def covers(self, *point: ArrayLike) -> NDArray[np.bool_]:
         """Return whether coordinates (broadcast against each other) are in the box."""
@@ -139,24 +134,19 @@ class Series(NamedTuple):
 
     def at(self, *point: ArrayLike) -> Array:
         """Return the values (functions, ...) at coordinates (...); nan outside the box."""
-        clipped = [
-            np.clip(np.asarray(x, dtype=float), *ends)
-            for x, ends in zip(point, self.ends, strict=True)
-        ]
+        clipped = list[Array]()
+        for x, (low, high) in zip(point, self.ends, strict=True):
+            clipped.append(np.clip(np.asarray(x, dtype=float), low, high))
         return np.where(self.covers(*point), self.extrapolated(*clipped), np.nan)
 
     def extrapolated(self, *point: Array) -> Array:
-        """Return the values (functions, ...) at coordinates (...), inside and outside the box.
-
-        The coordinates broadcast.
-        """
+        """Return the values (functions, ...) at coordinates (...), also outside the box."""
         arguments = zip(point, self.ends, self.scales, self.coefficients.shape[1:], strict=True)
         bases = [_vander(*each) for each in arguments]
         axes = "ijk"[: len(bases)]
         terms = ",".join(f"...{axis}" for axis in axes)
-        return np.asarray(
-            np.einsum(f"f{axes},{terms}->f...", self.coefficients, *bases, optimize=True)
-        )
+        sums = f"f{axes},{terms}->f..."
+        return np.asarray(np.einsum(sums, self.coefficients, *bases, optimize=True))
 
 
 class HingeChart(NamedTuple):
@@ -169,25 +159,21 @@ class HingeChart(NamedTuple):
     high: Series
 
     def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether t/R and H/h are on the chart; H/h has no upper limit.
-
-        They broadcast against each other.
-        """
-        return (
-            _within(ratio, self.low.ends[0])
-            & _within(height, (self.low.ends[1][0], np.inf))
-            & np.isfinite(height)
-        )
+        """Return whether t/R and H/h, which broadcast, are on the chart; H/h has no upper limit."""
+        ratios, (lowest, _) = self.low.ends
+        is_high_enough = _within(height, (lowest, np.inf)) & np.isfinite(height)
+        return _within(ratio, ratios) & is_high_enough
 
     def factors(self, ratio: ArrayLike, height: ArrayLike) -> Compliance:
         """Return the factors (...) at t/R and H/h, broadcast against each other."""
-        tau, eta = np.broadcast_arrays(
-            np.asarray(ratio, dtype=float), np.asarray(height, dtype=float)
-        )
+        tau = np.asarray(ratio, dtype=float)
+        eta = np.asarray(height, dtype=float)
+        tau, eta = np.broadcast_arrays(tau, eta)
         factors = self.low.at(tau, eta)
-        is_high = self.covers(tau, eta) & (eta > self.low.ends[1][1] * (1 + ROUND_OFF))
+        ratios, (_, highest) = self.low.ends
+        is_high = self.covers(tau, eta) & (eta > highest * (1 + ROUND_OFF))
         if np.any(is_high):
-            high_tau = np.clip(tau[is_high], *self.low.ends[0])
+            high_tau = np.clip(tau[is_high], *ratios)
             high_eta = eta[is_high]
             growth = GROWTH[:, None] * np.log(high_eta) / beam_integrals(high_tau)
             factors[:, is_high] = self.high.extrapolated(high_tau, high_eta) + growth
@@ -195,10 +181,7 @@ class HingeChart(NamedTuple):
 
 
 def beam_integrals(tau: Array) -> Array:
-    """Beam integrals (3, ...) that the factors multiply.
-
-    They are E b R^2 theta/M, E b dx/F_x and E b dy/F_y at nu = 0.
-    """
+    """Beam integrals (3, ...): E b R^2 theta/M, E b dx/F_x and E b dy/F_y at nu = 0."""
     axial = axial_paros_weisbord(tau)
     shear = bending_closed(tau) + 2.0 * SHEAR_CORRECTION * axial
     return np.stack([rotation_paros_weisbord(tau), axial, shear])
@@ -207,21 +190,24 @@ def beam_integrals(tau: Array) -> Array:
 @cache
 def hinge_chart() -> HingeChart:
     """Return the hinge chart of the package."""
-    parts = []
-    for name, scale, growth in (
-        ("hinge_chart", np.log, 0.0),
-        ("hinge_chart_high", np.reciprocal, GROWTH),
-    ):
-        data = json.loads(read_data(f"{name}.json"))
-        tau = np.array(data["t/R"])
-        eta = np.array(data["H/h"])
-        samples = np.array([data[freedom] for freedom in FREEDOMS]) - np.reshape(
-            growth, (-1, 1, 1)
-        ) * np.log(eta)
-        ends = tuple(data["range"]["t/R"]), tuple(data["range"]["H/h"])
-        factors = samples / beam_integrals(tau)[:, :, None]
-        parts.append(Series.through(ends, (np.sqrt, scale), [tau, eta], factors))
-    return HingeChart(*parts)
+    low = _chart_of("hinge_chart.json", np.log, np.zeros(3))
+    high = _chart_of("hinge_chart_high.json", np.reciprocal, GROWTH)
+    return HingeChart(low, high)
+
+
+def _chart_of(name: str, scale: np.ufunc, growth: Array) -> Series:
+    """Return the factors in a file over t/R and H/h, less their growth (3,) per ln(H/h).
+
+    scale : transformation of H/h in which they are smooth.
+    """
+    data = json.loads(read_data(name))
+    tau = np.array(data["t/R"])
+    eta = np.array(data["H/h"])
+    compliances = np.array([data[freedom] for freedom in FREEDOMS])
+    samples = compliances - growth[:, None, None] * np.log(eta)
+    ends = tuple(data["range"]["t/R"]), tuple(data["range"]["H/h"])
+    factors = samples / beam_integrals(tau)[:, :, None]
+    return Series.through(ends, (np.sqrt, scale), [tau, eta], factors)
 
 
 @cache
@@ -245,39 +231,38 @@ def thickness_factors(
 ) -> Compliance:
     """Return the factors (...), at most 1, on the plane-stress compliances of hinges.
 
-    The arguments, in mm, broadcast.
+    The arguments, in mm, broadcast. It is nan where t/R, b/t or nu is not on the chart.
 
-    nan where t/R, b/t or nu is not on the chart.
-
+    Notes
+    -----
     Shear has the position of rotation between plane stress and plane strain. Its plane-strain limit
     follows from its plane-stress value `S0 + 4.8 nu R/H` (`benchmarks/hinge_charts.py`) with `E/(1
     - nu^2)` and `nu/(1 - nu)` in place of E and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
     """
-    R, t, b, nu = (
-        np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio)
-    )
-    tau = t / R
-    rotation, axial = thickness_chart().at(tau, b / t, nu)[:2]
+    t = np.asarray(neck, dtype=float)
+    tau = t / np.asarray(radius, dtype=float)
+    depth_ratio = np.asarray(thickness, dtype=float) / t
+    nu = np.asarray(poissons_ratio, dtype=float)
+    rotation, axial = thickness_chart().at(tau, depth_ratio, nu)[:2]
     slender = beam_integrals(tau)[2] * hinge_chart().factors(tau, 1.0).shear
     stretch = 4.0 * SHEAR_CORRECTION / (2.0 + tau)
     softening = (slender - stretch) / (slender + stretch * nu)
     return Compliance(
-        1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening
+        rotation=1.0 - nu**2 * rotation,
+        axial=1.0 - nu**2 * axial,
+        shear=1.0 - nu**2 * rotation * softening,
     )
 
 
 def _vander(values: Array, ends: tuple[float, float], scale: np.ufunc, terms: int) -> Array:
-    """Return Chebyshev polynomials (..., terms) of values (...).
-
-    The values are mapped by a scale from its ends to -1 and 1.
-    """
+    """Return Chebyshev polynomials (..., terms) of values (...), scaled from ends to -1 and 1."""
     low, high = scale(ends)
     scaled = np.asarray(2.0 * (scale(values) - low) / (high - low) - 1.0)
-    return np.asarray(chebvander(scaled, terms - 1)).reshape(
-        *scaled.shape, terms
-    )  # numpy gives a scalar an axis
+    polynomials = np.asarray(chebvander(scaled, terms - 1))
+    return polynomials.reshape(*scaled.shape, terms)  # numpy gives a scalar an axis
 
 
 def _within(values: ArrayLike, ends: tuple[float, float]) -> NDArray[np.bool_]:
+    low, high = ends
     v = np.asarray(values, dtype=float)
-    return np.asarray((v >= ends[0] * (1 - ROUND_OFF)) & (v <= ends[1] * (1 + ROUND_OFF)))
+    return np.asarray((v >= low * (1 - ROUND_OFF)) & (v <= high * (1 + ROUND_OFF)))

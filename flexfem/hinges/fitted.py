@@ -20,14 +20,16 @@ CHECKED = 12  # points that a fit has not seen
 MOST_POINTS = 1200
 STALLED = 0.5  # ratio of two errors above which a higher degree does not help: round-off is left
 MOST_OF_CORNERS = 6  # variables
+SINGULAR = 1e-13  # relative: smaller singular values of a fit are zero
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)  # bases of the points of J. H. Halton (1960)
 
 
 class SmoothFit(NamedTuple):
     """A function of k variables in the box from `low` to `high` (k,).
 
-    degrees : (terms, k), of the Chebyshev polynomials in each product.   coefficients : (terms, f),
-    of f values.   error : largest relative difference from the function.
+    degrees : (terms, k), of the Chebyshev polynomials in each product.
+    coefficients : (terms, f), of f values.
+    error : largest relative difference from the function.
     """
 
     low: Array
@@ -53,10 +55,12 @@ def chebyshev_points(variables: int, count: int) -> Array:
 
     The first ones are the corners, of few variables.
     """
-    ends = product((0.0, 1.0), repeat=variables if variables <= MOST_OF_CORNERS else 0)
-    corners = np.array(list(ends)).reshape(-1, variables)
     halton = np.column_stack([_radical_inverse(count, base) for base in PRIMES[:variables]])
-    return np.concatenate([corners, (1 - np.cos(np.pi * halton)) / 2])[:count]
+    points = (1 - np.cos(np.pi * halton)) / 2
+    if variables <= MOST_OF_CORNERS:
+        corners = list(product((0.0, 1.0), repeat=variables))
+        points = np.concatenate([np.reshape(corners, (-1, variables)), points])
+    return points[:count]
 
 
 def _radical_inverse(count: int, base: int) -> Array:
@@ -77,7 +81,7 @@ def fitted(
     accuracy: float,
     coarsest: float,
 ) -> SmoothFit | None:
-    """Return the fit of a function to an accuracy, relative; None where it is worse than `coarsest`.
+    """Return the fit of a function to a relative accuracy, None where worse than `coarsest`.
 
     points_of : returns k variables (m, k) of a number of points, perhaps without some of them. More
     points begin with the same ones.
@@ -101,10 +105,13 @@ def fitted(
         found = _least_squares(points, np.array(values), degrees, len(points) - CHECKED)
         if best is None or found.error < best.error:
             best = found
-        if found.error <= accuracy or (found.error <= coarsest and found.error > STALLED * before):
+        is_stalled = found.error > STALLED * before
+        if found.error <= accuracy or (found.error <= coarsest and is_stalled):
             break
         before = found.error
-    return best if best is not None and best.error <= coarsest else None
+    if best is None or best.error > coarsest:
+        return None
+    return best
 
 
 def _least_squares(points: Array, values: Array, degrees: Index, seen: int) -> SmoothFit:
@@ -112,11 +119,10 @@ def _least_squares(points: Array, values: Array, degrees: Index, seen: int) -> S
     low = points.min(axis=0)
     high = points.max(axis=0)
     terms = _terms(_scaled(points, low, high), degrees)
-    coefficients = np.linalg.lstsq(terms[:seen], values[:seen], rcond=1e-13)[0]
+    solution = np.linalg.lstsq(terms[:seen], values[:seen], rcond=SINGULAR)
+    coefficients = np.asarray(solution[0], np.float64)
     off = terms[seen:] @ coefficients / values[seen:] - 1
-    return SmoothFit(
-        low, high, degrees, np.asarray(coefficients, np.float64), float(np.max(np.abs(off)))
-    )
+    return SmoothFit(low, high, degrees, coefficients, float(np.max(np.abs(off))))
 
 
 def _scaled(points: Array, low: Array, high: Array) -> Array:

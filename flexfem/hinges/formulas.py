@@ -23,12 +23,10 @@ class Formula:
 
     name : the key in `FORMULAS`.   source : citation.
     status : certainty of the printed form, and the comparisons made with it.
-    valid : smallest and largest t/R for which the formula is valid (`status` states the origin of
-    the range).
-    rotation, axial, bending : dimensionless functions of t/R (see `chart`), None where the source
-    states none.
-    charted : whether they are multiplied by the factors of the hinge chart, which is not
-    extrapolated."""
+    valid : smallest and largest t/R for which the formula is valid; `status` states the origin.
+    rotation, axial, bending : functions of t/R (see `chart`), None where the source states none.
+    charted : whether they are multiplied by the hinge chart, which is not extrapolated.
+    """
 
     name: str
     source: str
@@ -48,10 +46,7 @@ class Formula:
     def in_range(
         self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None
     ) -> NDArray[np.bool_]:
-        """Return whether t/R (and H/h) is in the range of the formula, broadcast.
-
-        Arguments are those of `compliance`.
-        """
+        """Return whether t/R (and H/h) is in the range; arguments are those of `compliance`."""
         tau, eta = _notch_ratios(radius, neck, block_height)
         if self.charted:
             return hinge_chart().covers(tau, eta)
@@ -72,9 +67,8 @@ class Formula:
 
         Parameters
         ----------
-        block_height : height H of the bodies beside the notch; None takes that of the notch, 2R +
-        t. Published formulas
-            ignore it.
+        block_height : height H of the bodies beside the notch; None takes that of the notch,
+            2R + t. Published formulas ignore it.
 
         Notes
         -----
@@ -83,32 +77,41 @@ class Formula:
         the blocks: `benchmarks/hinge_charts.py`. Outside `in_range` a chart gives nan and another
         formula its value, on which the caller warns.
         """
-        R, t, b, E, nu = (
-            np.asarray(v, dtype=float)
-            for v in (radius, neck, thickness, youngs_modulus, poissons_ratio)
-        )
+        R = np.asarray(radius, dtype=float)
+        t = np.asarray(neck, dtype=float)
+        nu = np.asarray(poissons_ratio, dtype=float)
+        Eb = np.asarray(youngs_modulus, dtype=float) * np.asarray(thickness, dtype=float)
         tau = t / R
-        title = f"hinge formula {self.name!r}"
-        rotation = _values(f"{title}: function", self.rotation, tau)
-        axial = _values(f"{title}: axial", self.axial or chart.axial_paros_weisbord, tau)
-        bending = _values(f"{title}: bending", self.bending or chart.bending_closed, tau)
-        beam = (
-            axial if self.bending is not None else chart.axial_paros_weisbord(tau)
-        )  # E b int dx/(E A)
+        rotation, axial, bending = self._dimensionless(tau)
+        # E b int dx/(E A), of the source where it states a bending
+        beam = axial if self.bending is not None else chart.axial_paros_weisbord(tau)
         factors = Compliance(*np.ones(3))
         poisson_beam = beam
         if self.charted:
             tau, eta = _notch_ratios(R, t, block_height)
             factors = hinge_chart().factors(tau, eta)
             poisson_beam = 2.0 / (eta * (2.0 + tau))  # 2R/H
-        shear = (
-            factors.shear * (bending + SHEAR_CORRECTION * 2.0 * beam)
-            + SHEAR_CORRECTION * 2.0 * nu * poisson_beam
-        )
+        by_shear_stress = SHEAR_CORRECTION * 2.0 * beam
+        by_poissons_ratio = SHEAR_CORRECTION * 2.0 * nu * poisson_beam
+        shear = factors.shear * (bending + by_shear_stress) + by_poissons_ratio
         return Compliance(
-            rotation=factors.rotation * rotation / (E * b * R**2),  # (2)
-            axial=factors.axial * axial / (E * b) + 0.0 * nu,  # (3)
-            shear=shear / (E * b),
+            rotation=factors.rotation * rotation / (Eb * R**2),  # (2)
+            axial=factors.axial * axial / Eb + 0.0 * nu,  # (3)
+            shear=shear / Eb,
+        )
+
+    def _dimensionless(self, tau: Array) -> tuple[Array, Array, Array]:
+        """Return rotation, axial and bending at t/R, those of Paros-Weisbord where none is stated.
+
+        Raises BadInput where a function of the user gives no finite positive numbers.
+        """
+        title = f"hinge formula {self.name!r}"
+        axial = self.axial or chart.axial_paros_weisbord
+        bending = self.bending or chart.bending_closed
+        return (
+            _values(f"{title}: function", self.rotation, tau),
+            _values(f"{title}: axial", axial, tau),
+            _values(f"{title}: bending", bending, tau),
         )
 
 
@@ -119,9 +122,8 @@ def _notch_ratios(
     R = np.asarray(radius, dtype=float)
     t = np.asarray(neck, dtype=float)
     h = 2.0 * R + t
-    tau, eta = np.broadcast_arrays(
-        t / R, (h if block_height is None else np.asarray(block_height)) / h
-    )
+    H = h if block_height is None else np.asarray(block_height)
+    tau, eta = np.broadcast_arrays(t / R, H / h)
     return tau, eta
 
 
@@ -187,9 +189,8 @@ _ENTRIES = (
         "cited from memory; 2 to 7 % from plane-stress finite elements. Published range not "
         "known; the range is that of the comparison",
         (0.02, 1.0),
-        lambda tau: (
-            1.0 / (0.093 * np.sqrt(0.5 * tau) * tau**2)
-        ),  # M/theta = 0.093 sqrt(t/(2R)) E b t^2
+        # M/theta = 0.093 sqrt(t/(2R)) E b t^2
+        lambda tau: 1.0 / (0.093 * np.sqrt(0.5 * tau) * tau**2),
     ),
     Formula(
         "schotborgh",

@@ -32,27 +32,26 @@ class BeamIntegrals(NamedTuple):
     shear: Array
 
     def compliance(self, E: Any, nu: Any, thickness: Any) -> Array:
-        """Return the compliance (n, 3, 3), axial, transverse and rotation; numbers or arrays (n,)."""
+        """Return the compliance (n, 3, 3), axial, transverse, rotation; arguments may be (n,)."""
         count = np.broadcast_shapes(*map(np.shape, (E, nu, thickness)), self.shear.shape)
         found = np.array(np.broadcast_to(self.bending, (*count, 3, 3)))
         found[..., 1, 1] += self.shear * (1 + np.asarray(nu))
-        return np.asarray(
-            found / np.broadcast_to(np.asarray(E) * thickness, count)[..., None, None]
-        )
+        rigidity = np.broadcast_to(np.asarray(E) * thickness, count)
+        return np.asarray(found / rigidity[..., None, None])
 
 
 def is_same(one: Profile, other: Profile) -> bool:
     """Whether two profiles are equal in all designs."""
-    return type(one) is type(other) and all(
-        np.array_equal(getattr(one, each.name), getattr(other, each.name)) for each in fields(one)
-    )
+    if type(one) is not type(other):
+        return False
+    names = [each.name for each in fields(one)]
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
 
 
 def varying(profile: Profile) -> list[str]:
     """Return the names of the dimensions that are arrays."""
-    return [
-        each.name for each in fields(profile) if isinstance(getattr(profile, each.name), np.ndarray)
-    ]
+    names = [each.name for each in fields(profile)]
+    return [name for name in names if isinstance(getattr(profile, name), np.ndarray)]
 
 
 def _parts(profile: Profile, count: int, size: int) -> Iterator[tuple[slice, Profile]]:
@@ -60,7 +59,8 @@ def _parts(profile: Profile, count: int, size: int) -> Iterator[tuple[slice, Pro
     names = varying(profile)
     for start in range(0, count, size):
         part = slice(start, start + size)
-        yield part, replace(profile, **{name: getattr(profile, name)[part] for name in names})
+        dimensions = {name: getattr(profile, name)[part] for name in names}
+        yield part, replace(profile, **dimensions)
 
 
 def beam_integrals(profile: Profile, count: int) -> BeamIntegrals:
@@ -109,10 +109,9 @@ def highest_stress(profile: Profile, wrenches: Array, out_of_plane: Any = 0.0) -
         envelope = _envelope(some) if once is None else once
         along[part] = envelope.highest(wrenches[part])
         neck = some.neck
-        axis[part] = np.hypot(
-            free_edge[part] * wrenches[part, :, 0] / neck,
-            MIDPLANE_SHEAR * wrenches[part, :, 1] / neck,
-        )
+        along_axis = free_edge[part] * wrenches[part, :, 0] / neck
+        across = MIDPLANE_SHEAR * wrenches[part, :, 1] / neck
+        axis[part] = np.hypot(along_axis, across)
     return np.asarray(np.maximum(free_edge * along, axis))
 
 
@@ -129,9 +128,8 @@ class _Envelope(NamedTuple):
         """Return the highest stress (n, c) under wrenches (n, c, 3)."""
         loads = np.swapaxes(np.abs(wrenches) if self.even else wrenches, -1, -2)
         size = max(1, STRESSES // (self.rates.shape[-2] * loads.shape[-1]))
-        found = [
-            self._highest(slice(start, start + size), loads) for start in range(0, len(loads), size)
-        ]
+        starts = range(0, len(loads), size)
+        found = [self._highest(slice(start, start + size), loads) for start in starts]
         return np.concatenate(found)
 
     def _highest(self, some: slice, loads: Array) -> Array:
@@ -158,8 +156,9 @@ def _envelope(profile: Profile) -> _Envelope:
 
 
 def _right_sections(profile: Profile) -> Array:
-    """Return the sections (..., m) from the centre of an even profile, or from the end of its
-    uniform part, to the far end, in their order.
+    """Return the sections (..., m) from the centre of an even profile to the far end, in order.
+
+    Those of a uniform part at the centre are left out, but for its end.
     """
     first, *_ = profile.half()
     is_uniform = isinstance(first, Segment) and not np.any((first.end - first.start).imag)
@@ -173,10 +172,7 @@ def _right_sections(profile: Profile) -> Array:
 
 
 def _rates(profile: Profile, x: Array, side: float) -> Array:
-    """Return the stress (..., m, 3) at an edge per N, V, M at sections (..., m), times thickness.
-
-    As in `Profile.section_stress`.
-    """
+    """Return `Profile.section_stress` (..., m, 3) per N, V, M at (..., m), times thickness."""
     K = profile.concentration(x, side)
     height = profile.height(x)
     neck = profile.neck_place

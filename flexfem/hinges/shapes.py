@@ -1,9 +1,7 @@
 """Published closed forms of hinge shapes other than the circle.
 
-`Profile.compliance` integrates these shapes numerically.
-
-All are integrals of a beam without shear, and agree with the quadrature to round-off: they say what
-the literature computes with.
+`Profile.compliance` integrates these shapes numerically. All are integrals of a beam without shear,
+and agree with the quadrature to round-off: they say what the literature computes with.
 """
 
 from __future__ import annotations
@@ -24,8 +22,7 @@ class ShapeFormula(NamedTuple):
     source, status : as in `formulas.Formula`.
     valid : smallest and largest neck over notch depth, fillet radius or, for a leaf, length.
     functions : by freedom, of a profile: `E b` times the rotation (1/mm^2), axial and bending part
-    of the transverse
-        compliance (1) for loads at the centre.
+        of the transverse compliance (1) for loads at the centre.
     """
 
     source: str
@@ -46,11 +43,13 @@ def _elliptical(
 
     The radius of the circle is the depth.
     """
-    return lambda p: float(
-        function(np.asarray(p.neck / p.depth))
-        * (p.length / (2 * p.depth)) ** power
-        / p.depth**of_depth
-    )
+
+    def of_ellipse(p: Elliptical) -> float:
+        of_circle = float(function(np.asarray(p.neck / p.depth)))
+        stretch = p.length / (2 * p.depth)
+        return float(of_circle * stretch**power / p.depth**of_depth)
+
+    return of_ellipse
 
 
 def _fillets(p: Leaf) -> tuple[float, float, float]:
@@ -63,9 +62,9 @@ def _fillets(p: Leaf) -> tuple[float, float, float]:
 def _filleted_rotation(p: Leaf) -> float:
     t, r, angle = _fillets(p)
     polynomial = t * (4 * r + t) * (6 * r**2 + 4 * r * t + t**2)
-    ends = (
-        2 * r / ((2 * r + t) * (4 * r + t) ** 3) * (polynomial + 6 * r * (2 * r + t) ** 2 * angle)
-    )
+    transcendental = 6 * r * (2 * r + t) ** 2 * angle
+    scale = 2 * r / ((2 * r + t) * (4 * r + t) ** 3)
+    ends = scale * (polynomial + transcendental)
     return 12 / t**3 * (p.length - 2 * r + ends)
 
 
@@ -75,10 +74,7 @@ def _filleted_axial(p: Leaf) -> float:
 
 
 def _parabolic(p: Parabolic) -> tuple[float, float, float, float]:
-    """Return `q = 2 depth / neck` and the integrals of `(1 + q s^2)^-n` over s from 0 to 1.
-
-    They are those for n = 1, 2, 3.
-    """
+    """Return `q = 2 depth / neck` and integrals of `(1 + q s^2)^-n`, s from 0 to 1, n = 1, 2, 3."""
     q = 2 * p.depth / p.neck
     first = math.atan(math.sqrt(q)) / math.sqrt(q)
     second = (1 / (1 + q) + first) / 2

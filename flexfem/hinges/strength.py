@@ -19,10 +19,10 @@ from flexfem.refused import BadInput, printed
 class Wrench(NamedTuple):
     """Internal forces of necks per displacement (..., directions), for arrays of hinges.
 
-    All are (..., 3 chains, 3 hinges, 3 directions) for the nine hinges of a stage.
+    They are in N and N mm per mm, per rad; (..., 3 chains, 3 hinges, 3 directions) for the nine
+    hinges of a stage.
 
-    moment : about the neck's centre; `normal`, `shear` : axial and transverse force. N and N mm per
-    mm, per rad.
+    moment : about the neck's centre.   normal, shear : axial and transverse force.
     """
 
     moment: Array
@@ -33,11 +33,12 @@ class Wrench(NamedTuple):
 def raised_in_plane(ratio: Array, out_of_plane: Array) -> Concentration:
     """Return the largest von Mises stress (...) at necks over the stress of a straight bar.
 
-    ratio : (...), t/R.   out_of_plane : (...), stress out of the plane over that along the surface,
-    0 in plane stress.
+    ratio : (...), t/R.
+    out_of_plane : (...), stress out of the plane over that along the surface, 0 in plane stress.
     """
-    von_mises_factor = von_mises_along(out_of_plane)
-    return Concentration(*(factor * von_mises_factor for factor in concentration(ratio)))
+    along = von_mises_along(out_of_plane)
+    K = concentration(ratio)
+    return Concentration(K.bending * along, K.tension * along, K.shear * along)
 
 
 def raised_in_depth(ratio: Array, depth_ratio: Array, poissons_ratio: Array) -> Concentration:
@@ -63,6 +64,8 @@ def neck_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentra
 
     neck : (..., 3, 3), mm.   thickness : (...), mm.   raised : (..., 3, 3), of `raised_in_plane`.
 
+    Notes
+    -----
     It is `|6 M K_b / (b t^2)| + |N K_t / (b t)|` at the more stressed side of the neck. Shear is
     neglected: it is zero at that surface, and its own maximum off the neck is 1 % of the bending
     stress in the shipped stages.
@@ -80,16 +83,15 @@ def surface_stress(
     for `neck_stress`.
     """
     area = thickness[..., None, None] * neck
-    bending = wrench.moment * (6.0 * raised.bending / (area * neck))[..., None]
-    axial = wrench.normal * (raised.tension / area)[..., None]
+    per_moment = 6.0 * raised.bending / (area * neck)
+    per_force = raised.tension / area
+    bending = wrench.moment * per_moment[..., None]
+    axial = wrench.normal * per_force[..., None]
     return np.asarray(bending), np.asarray(axial)
 
 
 def von_mises_along(out_of_plane: Array) -> Array:
-    """Return the von Mises stress over the stress along a free surface (...).
-
-    out_of_plane : (...), ratios.
-    """
+    """Return the von Mises stress per stress along a free surface (...) by ratios out of plane."""
     return np.asarray(np.sqrt(1.0 - out_of_plane + out_of_plane**2))
 
 
@@ -104,8 +106,10 @@ FEWEST_POINTS = 3  # two points have no scatter
 def fatigue_fraction(ratio: Array, sensitivity: float) -> Array:
     """Return the fraction (...) of the stress at a notch that is effective in fatigue.
 
-    ratio : (...), t/R.
+    ratio : (...), t/R.   sensitivity : q, from 0 to 1.
 
+    Notes
+    -----
     It is `(1 + q (K - 1)) / K` with the notch sensitivity q, 0 to 1, of R. E. Peterson as in
     Dowling, Mechanical Behavior of Materials, Sec. 10.2, and the concentration K of bending, which
     causes nearly all of the stress; that of tension is 4 % larger at t/R = 1/3.
@@ -117,13 +121,12 @@ def fatigue_fraction(ratio: Array, sensitivity: float) -> Array:
 class Basquin(NamedTuple):
     """Basquin's law `sigma_a = sigma'_f (2 N)^b` of unnotched specimens at zero mean stress.
 
-    N is in cycles.
+    N is in cycles. Coefficient and exponent are of one material, or (n,) of n designs.
 
-    coefficient : sigma'_f, MPa.   exponent : b, negative; both of one material, or (n,) of n
-    designs.
+    coefficient : sigma'_f, MPa.   exponent : b, negative.
     walker : exponent gamma of Walker's mean-stress correction.
-    range : cycles from and to which the law was fitted.   range_stated : whether the range is
-    stated, not assumed.
+    range : cycles from and to which the law was fitted.
+    range_stated : whether the range is stated, not assumed.
     """
 
     coefficient: float | Array
@@ -135,13 +138,13 @@ class Basquin(NamedTuple):
     def cycles(self, amplitude: ArrayLike) -> Array:
         """Return the cycles to failure (...) at reversed amplitudes (...), MPa; inf at zero."""
         with np.errstate(divide="ignore", over="ignore"):
-            return np.asarray(
-                ONE_REVERSAL * (np.asarray(amplitude) / self.coefficient) ** (1.0 / self.exponent)
-            )
+            ratio = np.asarray(amplitude) / self.coefficient
+            return np.asarray(ONE_REVERSAL * ratio ** (1.0 / self.exponent))
 
     def amplitude(self, cycles: ArrayLike) -> Array:
         """Return the fully reversed amplitude (...), MPa, that fails at cycles (...)."""
-        return np.asarray(self.coefficient * (np.asarray(cycles) / ONE_REVERSAL) ** self.exponent)
+        reversals = np.asarray(cycles) / ONE_REVERSAL
+        return np.asarray(self.coefficient * reversals**self.exponent)
 
 
 def checked_law(law: Basquin | BasquinFit) -> Basquin:
@@ -175,8 +178,8 @@ class BasquinFit(NamedTuple):
     Confidence intervals are at `confidence`, per cent, and None where unbounded.
 
     A, B : of the same law as `sigma_a = A N^B`, MPa.   points : number of points.
-    scatter : standard deviation of log10 N about the law.   range : fewest and most cycles of the
-    points.
+    scatter : standard deviation of log10 N about the law.
+    range : fewest and most cycles of the points.
     """
 
     coefficient: float
@@ -201,16 +204,18 @@ def required_law(material: Material, alternative: str = "") -> Basquin:
 
     Raises BadInput without constants; its text ends with the `alternative`.
     """
-    if material.fatigue_strength_coefficient is None or material.fatigue_strength_exponent is None:
-        known = ", ".join(
-            name
-            for name, metal in materials().items()
-            if metal.fatigue_strength_exponent is not None
-        )
-        raise BadInput(f"{KEY} is missing: expected fatigue constants, as of {known}{alternative}")
+    coefficient = material.fatigue_strength_coefficient
+    exponent = material.fatigue_strength_exponent
+    if coefficient is None or exponent is None:
+        known = list[str]()
+        for name, metal in materials().items():
+            if metal.fatigue_strength_exponent is not None:
+                known.append(name)
+        expected = f"expected fatigue constants, as of {', '.join(known)}{alternative}"
+        raise BadInput(f"{KEY} is missing: {expected}")
     return Basquin(
-        material.fatigue_strength_coefficient,
-        material.fatigue_strength_exponent,
+        coefficient,
+        exponent,
         material.walker,
         material.fatigue_range or RANGE,
         material.fatigue_range is not None,
@@ -222,12 +227,15 @@ def equivalent(amplitude: Array, mean: Array, walker: float | Array) -> Array:
 
     It is zero without tension.
 
+    Notes
+    -----
     It is `sigma_max^(1 - gamma) sigma_a^gamma`: K. Walker, ASTM STP 462 (1970) 1; for gamma = 0.5
     K. N. Smith, P. Watson, T. H. Topper, J. Materials 5 (1970) 767; N. E. Dowling, C. A. Calhoun,
     A. Arcari, Fatigue Fract. Eng. Mater. Struct. 32 (2009) 163.
     """
     highest = np.maximum(mean + amplitude, 0.0)
-    return np.asarray(np.where(highest > 0.0, highest ** (1.0 - walker) * amplitude**walker, 0.0))
+    by_walker = highest ** (1.0 - walker) * amplitude**walker
+    return np.asarray(np.where(highest > 0.0, by_walker, 0.0))
 
 
 def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) -> BasquinFit:
@@ -235,8 +243,8 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
 
     Parameters
     ----------
-    stress : (n,), MPa, amplitudes.   cycles : (n,), to failure.   confidence : of the intervals,
-    per cent.
+    stress : (n,), MPa, amplitudes.   cycles : (n,), to failure.
+    confidence : of the intervals, per cent.
 
     Raises
     ------
@@ -265,15 +273,7 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     slope = float(line.slope)
     error = float(line.stderr)
     if not slope < 0 or not STEEPEST <= 1.0 / slope <= FLATTEST:
-        result = (
-            f"an exponent of {1.0 / slope:.3g}"
-            if slope
-            else "a life that does not change with stress"
-        )
-        raise BadInput(
-            f"S-N points give {result}, expected {STEEPEST:g} to {FLATTEST:g}: life must fall "
-            "with stress"
-        )
+        raise BadInput(_refused_slope(slope))
     half = float(stats.t.ppf(0.5 + confidence / 200.0, x.size - 2)) * error
     log_coefficient, log_A = ((np.log10(N) - line.intercept) / slope for N in (ONE_REVERSAL, 1.0))
     intervals = _basquin_intervals(x, y, slope, half)
@@ -290,6 +290,15 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
         points=x.size,
         range=(float(np.min(lives)), float(np.max(lives))),
     )
+
+
+def _refused_slope(slope: float) -> str:
+    """Return the text that refuses a slope of log N over log stress."""
+    result = "a life that does not change with stress"
+    if slope:
+        result = f"an exponent of {1.0 / slope:.3g}"
+    expected = f"{STEEPEST:g} to {FLATTEST:g}: life must fall with stress"
+    return f"S-N points give {result}, expected {expected}"
 
 
 class _Intervals(NamedTuple):

@@ -1,6 +1,4 @@
-"""Compliance of a hinge as wide as the plate is thick, in milliseconds.
-
-It is between plane stress and plane strain.
+"""Compliance of a hinge as wide as the plate is thick, between plane stress and plane strain.
 
 A hinge that bends about the normal of the plate is a plate of its own, as wide as the mechanism is
 thick, whose rigidity follows the height of the profile. Where it bends, it would curve the other
@@ -26,33 +24,25 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.mechanism.profile import Profile
 from flexfem.mechanism.profile_beam import SHEAR_CORRECTION
 
-ACROSS = (
-    6  # polynomials of every field across the width; 8 change compliances by 0.05 % at b/t = 80
-)
+# polynomials of every field across the width; 8 change compliances by 0.05 % at b/t = 80
+ACROSS = 6
 DEGREE = 4  # of the elements along the axis
 ALONG = 16  # elements, between which the integral of height^-1.5 is divided evenly
-DENSITY = (
-    -1.5
-)  # power of the height: between elements of equal length and of equal share in the rotation
-AT_ENDS = (
-    0.15,
-    0.5,
-)  # of the thickness, but of the outermost element at most: ends of smaller elements
+# power of the height: between elements of equal length and of equal share in the rotation
+DENSITY = -1.5
+# ends of smaller elements, of the thickness, but of the outermost element at most
+AT_ENDS = (0.15, 0.5)
 SMALLEST = 0.1  # of the outermost element: for thinner plates the thickness has no effect
-FINE = 2048  # intervals of this division
-CONTRACTION = 0.8
-LONG_ENDS = 12.0  # of thin plates, and thickness over height at which it is half of that
-HIGHEST = (
-    100.0  # height over that of the neck that counts, against round-off: higher parts hardly bend
-)
+FINE = 2048  # intervals for the integral that divides a hinge into elements
+CONTRACTION = 0.8  # share by which the ends of thin plates contract
+LONG_ENDS = 12.0  # thickness over height of the ends at which it is half of that
+# height over that of the neck that counts, against round-off: higher parts hardly bend
+HIGHEST = 100.0
 MOST_BREAKS = 9  # of a profile that elements follow; a table has as many as rows
 
 
 class _Across(NamedTuple):
-    """Means (k, k) over the width of products of Legendre polynomials and of their slopes.
-
-    The polynomials are even and odd.
-    """
+    """Means (k, k) over the width of products of even and odd polynomials and of their slopes."""
 
     even: Array
     even_slopes: Array
@@ -63,9 +53,7 @@ class _Across(NamedTuple):
 
 
 class _Along(NamedTuple):
-    """Quadrature along the axis: positions x and weights (e, q), mm, of e elements.
-
-    There are the heights at the positions, too.
+    """Quadrature along the axis: positions x, weights and heights (e, q), mm, of e elements.
 
     values, slopes : (e, q, n), of the shape functions, slopes in 1/mm.
     """
@@ -78,12 +66,10 @@ class _Along(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """A part of twice the energy.
+    """A part of twice the energy, a coefficient (e, q) times two fields or their slopes.
 
-    It is `coefficient` (e, q) times one field or its slope times another one or its slope.
-
-    rows, columns : (k,), numbers of the fields.   left, right : (e, q, n), `_Along.values` or
-    `slopes`.
+    rows, columns : (k,), numbers of the fields.
+    left, right : (e, q, n), `_Along.values` or `slopes`.
     across : (k, k), means of the products of the polynomials.
     """
 
@@ -101,11 +87,9 @@ def wide_factors(
 ) -> tuple[float, float, float]:
     """Return the ratios of axial, transverse and rotational compliance to those in plane stress.
 
-    They hold at the centre.
+    They hold at the centre. Under tension the ends contract by the share of `contraction`.
 
     poissons_ratio : of the material.   thickness : of the plate, mm.
-
-    Under tension the ends contract by the share of `contraction`.
 
     Notes
     -----
@@ -125,9 +109,7 @@ def wide_factors(
 
 
 def contraction(ratio: ArrayLike) -> Array:
-    """Return the share (...) by which ends contract along z.
-
-    It is from none for rigid ones to one for free ones.
+    """Return the share (...) by which ends contract along z, 0 for rigid and 1 for free ones.
 
     ratio : (...), thickness of the plate over the height of the ends, where the hinge meets its
     bodies.
@@ -142,16 +124,7 @@ def contraction(ratio: ArrayLike) -> Array:
 
 def _along(profile: Profile, thickness: float) -> _Along:
     """Return the elements along the axis of a profile, some near its ends."""
-    x = np.linspace(-profile.length / 2, profile.length / 2, FINE + 1)
-    density = profile.height(x) ** DENSITY
-    share = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
-    marks = np.interp(np.linspace(0.0, share[-1], ALONG + 1), share, x)
-    outermost = min(marks[1] - marks[0], marks[-1] - marks[-2])
-    from_end = np.array(AT_ENDS) * np.clip(thickness, SMALLEST * outermost, outermost)
-    broken = profile.breaks if len(profile.breaks) <= MOST_BREAKS else x[[0, -1]]
-    needed = np.concatenate([x[0] + from_end, x[-1] - from_end, broken])
-    near = np.abs(marks[:, None] - needed).min(axis=1) < np.min(np.diff(marks)) / 4
-    marks = np.unique(np.concatenate([marks[~near], needed]))
+    marks = _ends_of_elements(profile, thickness)
     points, weights, values, slopes = _element()
     half = np.diff(marks)[:, None] / 2
     x = (marks[:-1, None] + marks[1:, None]) / 2 + half * points
@@ -165,17 +138,27 @@ def _along(profile: Profile, thickness: float) -> _Along:
     )
 
 
+def _ends_of_elements(profile: Profile, thickness: float) -> Array:
+    """Return the ends (e + 1,) of elements along a profile, mm; they follow its breaks."""
+    x = np.linspace(-profile.length / 2, profile.length / 2, FINE + 1)
+    density = profile.height(x) ** DENSITY
+    share = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
+    marks = np.interp(np.linspace(0.0, share[-1], ALONG + 1), share, x)
+    outermost = min(marks[1] - marks[0], marks[-1] - marks[-2])
+    from_end = np.array(AT_ENDS) * np.clip(thickness, SMALLEST * outermost, outermost)
+    broken = profile.breaks if len(profile.breaks) <= MOST_BREAKS else x[[0, -1]]
+    needed = np.concatenate([x[0] + from_end, x[-1] - from_end, broken])
+    near = np.abs(marks[:, None] - needed).min(axis=1) < np.min(np.diff(marks)) / 4
+    return np.unique(np.concatenate([marks[~near], needed]))
+
+
 @cache
 def _element() -> tuple[AnyArray, AnyArray, Array, Array]:
-    """Points and weights (q,), and values and slopes (q, n) of the shape functions.
-
-    These are those through the points of Lobatto.
-    """
+    """Points and weights (q,), and values and slopes (q, n) of shape functions by Lobatto."""
     highest = np.zeros(DEGREE + 1)
     highest[DEGREE] = 1.0
-    nodes = np.concatenate(
-        [[-1.0], np.sort(legendre.legroots(legendre.legder(highest)).real), [1.0]]
-    )
+    inner = np.sort(legendre.legroots(legendre.legder(highest)).real)
+    nodes = np.concatenate([[-1.0], inner, [1.0]])
     points, weights = legendre.leggauss(DEGREE + 1)
     coefficients = np.linalg.inv(legendre.legvander(nodes, DEGREE))
     values = legendre.legval(points, coefficients).T
@@ -185,10 +168,7 @@ def _element() -> tuple[AnyArray, AnyArray, Array, Array]:
 
 @cache
 def _across(count: int) -> _Across:
-    """Return the means of products of the first `count` even and odd polynomials.
-
-    The width is from -1 to 1.
-    """
+    """Return the means of products of the first `count` even and odd Legendre polynomials."""
     points, weights = legendre.leggauss(2 * count + 2)
     polynomials = np.eye(2 * count)
     values = legendre.legval(points, polynomials)
@@ -213,7 +193,8 @@ def _in_plane_terms(
 ) -> list[_Term]:
     """Terms of the stretching or bending of a plate.
 
-    Fields are even along its axis (`first`) and odd across it.
+    first, second : numbers of the fields, displacements or rotations, along the axis, which are
+    even across the width, and across it, which are odd.
     """
     means = _across(len(first))
     scale = 2 / thickness
@@ -239,9 +220,7 @@ def _membrane(along: _Along, ratio: float, shear: float, thickness: float, count
 
 
 def _plate(along: _Along, ratio: float, shear: float, thickness: float, count: int) -> Array:
-    """Return the compliance (2, 2), transverse at the centre and rotational.
-
-    It is multiplied by Young's modulus and the thickness.
+    """Return the compliance (2, 2), transverse at the centre and rotational, times E and thickness.
 
     shear : modulus of transverse shear over Young's modulus.
     """
@@ -271,14 +250,28 @@ def _plate(along: _Along, ratio: float, shear: float, thickness: float, count: i
 def _compliance(along: _Along, terms: Sequence[_Term], fields: int, loads: Array) -> Array:
     """Return the compliance (d, d) for loads (d, d) on the first d fields at the far end.
 
-    All others are held there.
-
-    The near end is held. The matrix is banded, and kept by the diagonals below the main one.
+    All others are held there, and all at the near end. The matrix is banded, and kept by the
+    diagonals below the main one.
     """
     from scipy.linalg import solveh_banded  # takes a tenth of a second to import
 
-    count = along.x.shape[0]
-    nodes = along.values.shape[2]
+    blocks = _element_matrices(along, terms, fields)
+    count, width, _ = blocks.shape
+    step = width - fields  # unknowns from one element to the next
+    row, column = np.tril_indices(width)
+    diagonals = np.zeros((width, count * step + fields))
+    for number, block in enumerate(blocks):
+        diagonals[row - column, number * step + column] += block[row, column]
+    kept = diagonals[:, fields : diagonals.shape[1] - fields + len(loads)]
+    force = np.zeros((kept.shape[1], len(loads)))
+    force[-len(loads) :] = loads
+    moved = solveh_banded(kept, force, lower=True, check_finite=False)
+    return np.asarray(loads.T @ moved[-len(loads) :])
+
+
+def _element_matrices(along: _Along, terms: Sequence[_Term], fields: int) -> Array:
+    """Return the stiffness matrices (e, n * fields, n * fields) of the elements, node by node."""
+    count, _, nodes = along.values.shape
     blocks = np.zeros((count, nodes, fields, nodes, fields))
     for term in terms:
         weighted = (along.weights * term.coefficient)[:, :, None] * term.left
@@ -286,13 +279,4 @@ def _compliance(along: _Along, terms: Sequence[_Term], fields: int, loads: Array
         blocks[:, :, term.rows[:, None], :, term.columns] += block
         if term.rows is not term.columns:
             blocks[:, :, term.columns[:, None], :, term.rows] += block.transpose(1, 0, 2, 4, 3)
-    width = nodes * fields
-    row, column = np.tril_indices(width)
-    diagonals = np.zeros((width, (count * (nodes - 1) + 1) * fields))
-    for number, block in enumerate(blocks.reshape(count, width, width)):
-        diagonals[row - column, number * (nodes - 1) * fields + column] += block[row, column]
-    kept = diagonals[:, fields : diagonals.shape[1] - fields + len(loads)]
-    force = np.zeros((kept.shape[1], len(loads)))
-    force[-len(loads) :] = loads
-    moved = solveh_banded(kept, force, lower=True, check_finite=False)
-    return np.asarray(loads.T @ moved[-len(loads) :])
+    return blocks.reshape(count, nodes * fields, nodes * fields)

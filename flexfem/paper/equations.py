@@ -175,9 +175,8 @@ def first_order(joints: Joints, at: Configuration) -> list[Array]:
     Revolute at p: (-(y - p_y), x - p_x, 1); prismatic along d: (d_x, d_y, 0).
     """
     places = (at.pivots - at.pose[..., :, None, :2]) @ np.array([1, 1j])
-    table = np.moveaxis(
-        freedom_motions(places, np.exp(1j * at.axes)), -2, -4
-    )  # (..., row, chain, hinge, kind)
+    motions = freedom_motions(places, np.exp(1j * at.axes))
+    table = np.moveaxis(motions, -2, -4)  # (..., row, chain, hinge, kind)
     G = table.reshape(*table.shape[:-3], 27)[..., joints.slot]
     return [G[..., own_joints] for own_joints in joints.chains]
 
@@ -270,21 +269,17 @@ def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
     pivot is the softest joint that the loops still constrain. Stiff joints stay independent: (16)
     adds their springs to the diagonal without rounding the others.
     """
-    from scipy.linalg import (
-        qr,
-    )  # takes a tenth of a second to import, and only commanded joints need it
+    # takes a tenth of a second to import, and only commanded joints need it
+    from scipy.linalg import qr
 
     at = resting(frames, joints)
     W, _ = _loop_equations(at.pose, first_order(joints, at))
     length = np.sqrt(np.mean(np.sum(frames.centres**2, axis=-1), axis=(-2, -1)))[..., None, None]
-    W = (
-        W
-        * np.where(np.arange(DEPENDENT)[:, None] % 3 == 2, length, 1.0)
-        / np.sqrt(springs)[..., None, :]
-    )
-    pivots = [
-        qr(w, mode="r", pivoting=True, check_finite=False)[1] for w in W.reshape(-1, *W.shape[-2:])
-    ]
+    is_rotation = np.arange(DEPENDENT)[:, None] % 3 == 2
+    W = W * np.where(is_rotation, length, 1.0) / np.sqrt(springs)[..., None, :]
+    pivots = list[Array]()
+    for w in W.reshape(-1, *W.shape[-2:]):
+        pivots.append(qr(w, mode="r", pivoting=True, check_finite=False)[1])
     order = np.array(pivots).reshape(*W.shape[:-2], W.shape[-1])
     return Choice(np.sort(order[..., DEPENDENT:]), np.sort(order[..., :DEPENDENT]))
 
@@ -296,22 +291,40 @@ def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Arra
     """
     at = chain_poses(frames, joints, displacement)
     iG = first_order(joints, at)
-    M = joints.mobility
     L, gap = _loop_equations(at.pose, iG)
     A_inverse = inverse(columns(L, choice.dependent))
     G_p = A_inverse @ -columns(L, choice.independent)  # (7)
-    G_a = in_joint_order(G_p, np.eye(M), choice)  # (8)
-    pairs = zip(joints.chains, second_order(joints, iG), strict=True)
-    Q1, Q2, Q3 = (_congruence(G_a[..., slots, :], H) for slots, H in pairs)
-    loops = np.concatenate([Q2 - Q1, Q3 - Q1], axis=-3)
-    H_p = np.einsum("...kl,...lab->...kab", A_inverse, loops)
-    flat = H_p.reshape(*H_p.shape[:-2], M * M)
-    H_a = in_joint_order(flat, np.zeros((M, M * M)), choice)
-    H_a = H_a.reshape(*H_a.shape[:-1], M, M)
+    G_a = in_joint_order(G_p, np.eye(joints.mobility), choice)  # (8)
+    Q1, of_loops = _second_by_independent(joints, iG, G_a)
+    H_p = np.einsum("...kl,...lab->...kab", A_inverse, of_loops)
     chain1 = joints.chains[0]
     G_u = iG[0] @ G_a[..., chain1, :]  # (9)
-    H_u = Q1 + np.einsum("...kn,...nab->...kab", iG[0], H_a[..., chain1, :, :])
+    H_1 = _second_in_joint_order(H_p, choice)[..., chain1, :, :]
+    H_u = Q1 + np.einsum("...kn,...nab->...kab", iG[0], H_1)
     return Influence(at.pose[..., 0, :], gap, A_inverse, G_p, G_a, G_u, H_p, H_u)
+
+
+def _second_by_independent(joints: Joints, iG: list[Array], G_a: Array) -> tuple[Array, Array]:
+    """Return second derivatives by the independent joints, as of `second_order`.
+
+    They are those of the first chain (..., 3, M, M), and of both loops (..., 6, M, M).
+
+    G_a : (..., N, M), motions of all joints by the independent ones.
+    """
+    pairs = zip(joints.chains, second_order(joints, iG), strict=True)
+    Q1, Q2, Q3 = (_congruence(G_a[..., own_joints, :], iH) for own_joints, iH in pairs)
+    return Q1, np.concatenate([Q2 - Q1, Q3 - Q1], axis=-3)
+
+
+def _second_in_joint_order(H_p: Array, choice: Choice) -> Array:
+    """Return second derivatives (..., N, M, M) of all joints; those of independent ones are zero.
+
+    H_p : (..., 6, M, M), of the dependent joints.
+    """
+    *lead, M, _ = H_p.shape
+    flat = H_p.reshape(*lead, M * M)
+    H_a = in_joint_order(flat, np.zeros((M, M * M)), choice)
+    return H_a.reshape(*H_a.shape[:-1], M, M)
 
 
 def _congruence(G: Array, H: Array) -> Array:

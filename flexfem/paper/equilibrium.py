@@ -327,19 +327,25 @@ def serial(
     chains = list[ChainJoints]()
     is_link = [np.zeros(size, dtype=bool)]
     for chain in CHAINS:
-        numbers = [j for j, stack in enumerate(stacks) if stack.chain == chain - 1]
-        pushes = [push for j in numbers for push in stacks[j].pushes]
-        own = _joints(stage, chain, result, pushes)
+        numbers = _stacks_on(stacks, chain)
+        own = _joints(stage, chain, result, [push for j in numbers for push in stacks[j].pushes])
         to_hub = -platform[3 * chain - 3 : 3 * chain]
         joints = _with_platform(own, to_hub, size)
         shares = _shares_with_platform(own, to_hub).reshape(len(numbers), 2, len(joints.slots))
-        pairs = zip(numbers, shares, strict=True)
-        chain_stacks = tuple(_chain_stack(j, stacks[j], share, follows) for j, share in pairs)
-        chains.append(joints._replace(stacks=chain_stacks))
+        own_stacks = [
+            _chain_stack(j, stacks[j], share, follows)
+            for j, share in zip(numbers, shares, strict=True)
+        ]
+        chains.append(joints._replace(stacks=tuple(own_stacks)))
         is_link.append(own.is_link)
         size += own.is_link.size
     whole = Serial(len(stacks), tuple(chains), np.zeros((size, 0)))
     return whole._replace(basis=_basis(whole, np.concatenate(is_link)))
+
+
+def _stacks_on(stacks: tuple[Stack, ...], chain: int) -> list[int]:
+    """Return the numbers of the stacks of a chain (1 to 3)."""
+    return [number for number, stack in enumerate(stacks) if stack.chain == chain - 1]
 
 
 def _with_platform(own: _OwnJoints, to_hub: Array, first: int) -> ChainJoints:
@@ -489,18 +495,31 @@ def joint_state(joints: Serial, q: Array, wrench: Array, force: Array) -> JointS
     for i, chain in enumerate(joints.chains):
         rows = slice(3 * i, 3 * i + 3)
         bodies = _bodies_of(chain, eta[..., chain.slots])
-        end = bodies.v + 1j * chain.rotation * bodies.origin[..., -1:]
-        rotation = np.broadcast_to(chain.rotation, end.shape)
         pose[..., rows] = bodies.pose
-        G[..., rows, chain.slots] = np.stack([end.real, end.imag, rotation], axis=-2)
-        turned_force = wrench[..., 3 * i, None] * 1j + wrench[..., 3 * i + 1, None]
-        terms = chain.rotation[..., :, None] * (turned_force * end).real[..., None, :]
+        end = _end_motions(chain, bodies)
+        G[..., rows, chain.slots] = end
+        terms = chain.rotation[..., :, None] * _turned_work(wrench[..., rows], end)[..., None, :]
         for stack in chain.stacks:
             opening = _opening_derivatives(chain, stack, bodies)
             J[stack.number, chain.slots] = opening.first
             terms = terms + np.outer(force[stack.number] * opening.proximal, opening.distal)
         hessian -= V[chain.slots].T @ _symmetric(terms) @ V[chain.slots]
     return JointState(pose, G @ V, J @ V, hessian)
+
+
+def _end_motions(chain: ChainJoints, bodies: _ChainBodies) -> Array:
+    """Return the motions (..., 3, k) of the end of a chain per motion of each joint."""
+    end = bodies.v + 1j * chain.rotation * bodies.origin[..., -1:]
+    rotation = np.broadcast_to(chain.rotation, end.shape)
+    return np.stack([end.real, end.imag, rotation], axis=-2)
+
+
+def _turned_work(wrench: Array, end: Array) -> Array:
+    """Return the work (..., k) of a wrench (..., 3) on motions of `_end_motions`, turned by 90 deg.
+
+    It is less the second derivative of the work by the joint and by one of unit rotation before it.
+    """
+    return wrench[..., 1, None] * end[..., 0, :] - wrench[..., 0, None] * end[..., 1, :]
 
 
 def _symmetric(terms: Array) -> Array:

@@ -22,10 +22,8 @@ from flexfem.paper.frames import CHAIN_TURN, chain_rotation
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import plate_of
 
-RIGID = (
-    1.0,
-    2.0,
-)  # distances from a base hinge, per radius, between which its two bodies count as rigid
+# distances from a base hinge, per radius, between which its two bodies count as rigid
+RIGID = (1.0, 2.0)
 CORNER = 0.2  # share of a clamped edge excluded at both ends: stress at its corners is singular
 FORCE_QUADRATURE = 8  # degree for stack forces, whose density is not polynomial in a triangle
 
@@ -37,24 +35,23 @@ def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
 
 def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
     """Largest nodal value (3 chains, 3 hinges) within a notch radius of each neck's centre."""
-    return np.array(
-        [[np.max(values[near]) for near in _near_necks(stage, mesh, chain)] for chain in range(3)]
-    )
+    maxima = list[list[float]]()
+    for chain in range(3):
+        maxima.append([np.max(values[near]) for near in _near_necks(stage, mesh, chain)])
+    return np.array(maxima)
 
 
 def _near_necks(stage: Stage, mesh: StageMesh, chain: int) -> list[Index]:
     """Nodes within a notch radius of the centre of each neck of a chain; chains from 0."""
-    notches = zip(stage_frames(stage).centres[chain], stage.array("radius")[chain], strict=True)
-    return [
-        np.flatnonzero(np.hypot(*(mesh.nodes - centre).T) <= radius) for centre, radius in notches
-    ]
+    centres = stage_frames(stage).centres[chain]
+    found = list[Index]()
+    for centre, radius in zip(centres, stage.array("radius")[chain], strict=True):
+        found.append(np.flatnonzero(np.hypot(*(mesh.nodes - centre).T) <= radius))
+    return found
 
 
 class NeckStress(NamedTuple):
-    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, and its distances from the mid-plane.
-
-    The distances are in mm.
-    """
+    """Largest von Mises stress (k, 3 chains, 3 hinges), MPa, and mm from it to the mid-plane."""
 
     highest: Array
     height: Array
@@ -63,15 +60,14 @@ class NeckStress(NamedTuple):
 def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
     """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm.
 
-    It is that over the thickness, too, when extruded.
-
-    Stress is averaged at the nodes, and the largest within a notch radius of the neck is taken.
+    Stress is averaged at the nodes, and the largest within a notch radius of the neck, at any
+    height, is taken.
     """
     ratio = stage.layout.out_of_plane
     heights = response.structure.line.heights
-    each = [
-        highest_stress(stress, turned, ratio) for turned, stress in _notches(stage, response, loads)
-    ]
+    each = list[Array]()
+    for turned_loads, stress in _notches(stage, response, loads):
+        each.append(highest_stress(stress, turned_loads, ratio))
     by_height = np.reshape(each, (3, 3, len(loads), len(heights)))
     highest = by_height.max(axis=-1)
     height = heights[by_height.argmax(axis=-1)]
@@ -83,10 +79,8 @@ def notch_fields(
 ) -> Iterator[tuple[tuple[int, int], Array]]:
     """Yield chain and hinge of every notch, from 0, and the stress, MPa, at its nodes.
 
-    loads : (k, 3).
-
-    The stress is (k, p, 2, 2); with layers (k, p, m, 3, 3). Its axes are those of chain 1 if one
-    sector represents all.
+    loads : (k, 3). The stress is (k, p, 2, 2); with layers (k, p, m, 3, 3). Its axes are those of
+    chain 1 if one sector represents all.
     """
     for number, (rotation, stress) in enumerate(_notches(stage, response, loads)):
         yield divmod(number, 3), np.tensordot(rotation, stress, axes=1)
@@ -98,10 +92,9 @@ def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[A
     The loads are turned to the chain that represents the notch.
     """
     cyclic = len(response.sectors) == 1
-    mesh = response.structure.mesh
-    near = [
-        nodes for chain in range(1 if cyclic else 3) for nodes in _near_necks(stage, mesh, chain)
-    ]
+    near = list[Index]()
+    for chain in range(1 if cyclic else 3):
+        near += _near_necks(stage, response.structure.mesh, chain)
     stresses = replace(response, regions=tuple(near)).stresses
     for chain in range(3 if cyclic else 1):
         for stress in stresses:
@@ -111,28 +104,32 @@ def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[A
 def base_rotations(stage: Stage, response: Response) -> Array:
     """Rotation (3 loads, 3 chains), rad, of link 1 relative to the pad at each base hinge.
 
-    It is that in the mid-plane, per unit load.
-
-    A body rotates as the rigid motion that best fits its nodes from one to two notch radii from the
-    neck centre.
+    It is that in the mid-plane, per unit load. A body rotates as the rigid motion that best fits
+    its nodes from one to two notch radii from the neck centre.
     """
     mesh = response.structure.mesh
-    fields = response.nodal
-    rows = []
-    plane = fields if response.structure.layers is None else fields[:, :, 0, :2]
+    plane = response.nodal
+    if response.structure.layers is not None:
+        plane = plane[:, :, 0, :2]
+    rows = list[Array]()
     for chain in range(1 if len(response.sectors) == 1 else 3):
         distance = np.hypot(*(mesh.nodes - stage_frames(stage).centres[chain, 0]).T)
         distance /= stage.hinge(chain + 1, "base").radius
-        rotations = []
+        is_rigid = (distance >= RIGID[0]) & (distance <= RIGID[1])
+        rotations = list[Array]()
         for body in ("pad", "link 1"):
-            chosen = np.unique(mesh.triangles[mesh.bodies == 4 * chain + BODIES.index(body)])
-            chosen = chosen[(distance[chosen] >= RIGID[0]) & (distance[chosen] <= RIGID[1])]
-            arm = mesh.nodes[chosen] - mesh.nodes[chosen].mean(axis=0)
-            rotations.append(
-                (plane[:, chosen, 1] @ arm[:, 0] - plane[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2)
-            )
+            nodes = np.unique(mesh.triangles[mesh.bodies == 4 * chain + BODIES.index(body)])
+            nodes = nodes[is_rigid[nodes]]
+            rotations.append(_rotation(mesh.nodes[nodes], plane[:, nodes]))
         rows.append((rotations[1] - rotations[0])[:, None])
     return np.concatenate(sector_values(rows), axis=1)
+
+
+def _rotation(places: Array, displacements: Array) -> Array:
+    """Return the rotation (k,), rad, that best fits displacements (k, p, 2) of places (p, 2)."""
+    arm = places - places.mean(axis=0)
+    turning = displacements[:, :, 1] @ arm[:, 0] - displacements[:, :, 0] @ arm[:, 1]
+    return np.asarray(turning / np.sum(arm**2))
 
 
 def envelope(response: Response) -> float:
@@ -141,10 +138,7 @@ def envelope(response: Response) -> float:
 
 
 def edge_maxima(mesh: StageMesh, values: Array) -> Array:
-    """Largest values (3 chains, ...) on each clamped edge of nodal values (n, ...).
-
-    The share `CORNER` at both ends is left out.
-    """
+    """Largest of nodal values (n, ...) on each clamped edge (3 chains, ...), less `CORNER`."""
     maxima = []
     for nodes in clamped_nodes(mesh):
         x, y = mesh.nodes[nodes].T
@@ -155,10 +149,7 @@ def edge_maxima(mesh: StageMesh, values: Array) -> Array:
 
 
 def largest_within(places: Array, values: Array, low: float, high: float) -> Array:
-    """Largest of values (n, ...) from `low` to `high`.
-
-    They are given at `places` (n,) and linear in between.
-    """
+    """Largest value from `low` to `high` of values (n, ...) at places (n,), linear in between."""
     from scipy.interpolate import make_interp_spline
 
     order = np.argsort(places)
@@ -170,9 +161,7 @@ def largest_within(places: Array, values: Array, low: float, high: float) -> Arr
 
 
 def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> Response:
-    """Solve for unit loads on the hub and for one newton of each of n stacks.
-
-    The ground is clamped.
+    """Solve for unit loads on the hub and for one newton of each of n stacks; ground is clamped.
 
     The compliance (3 + n, 3 + n) is that of the pose and of the openings of the stacks.
     """
@@ -201,28 +190,26 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
     They have its exact wrench.
     """
     assert push.station is not None
+    angle = chain * CHAIN_TURN
     link = _body_mesh(mesh, 4 * chain + push.body)
     forces = np.zeros((3, *mesh.nodes.shape))
     for batch in integration(link, FORCE_QUADRATURE):
-        at = turned(mesh.nodes[batch.triangles], -chain * CHAIN_TURN)
+        at = turned(mesh.nodes[batch.triangles], -angle)
         points = np.einsum("eid,iq->eqd", at, batch.phi)
         density = body_forces(push.station, points.reshape(-1, 2)).reshape(3, *points.shape)
         nodal = np.einsum("keqd,eq,iq->keid", density, batch.weights, batch.phi)
         for force, values in zip(forces, nodal, strict=True):
             np.add.at(force, batch.triangles, values)
-    resultants = resultants_of(turned(mesh.nodes, -chain * CHAIN_TURN), forces)
-    return turned(
-        np.tensordot(np.linalg.solve(resultants, push.wrench), forces, axes=1), chain * CHAIN_TURN
-    )
+    resultants = resultants_of(turned(mesh.nodes, -angle), forces)
+    shares = np.linalg.solve(resultants, push.wrench)
+    return turned(np.tensordot(shares, forces, axes=1), angle)
 
 
 def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
     """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck.
 
-    They are taken about the platform centre.
-
-    N and N mm, for fields (k, n, 2), mm; they sum the nodal forces at the neck of the triangles of
-    the base-side body.
+    They are in N and N mm about the platform centre, for fields (k, n, 2), mm: sums of the nodal
+    forces at the neck of the triangles of the base-side body.
     """
     wrenches = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
     for chain in range(3):

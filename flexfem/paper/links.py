@@ -155,16 +155,11 @@ def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> _Equation
 
 def _of_copy(boundary: Boundary, kappa: float, rotation: complex) -> _Equations:
     """Return the matrices (2n, 2n) of one copy, turned by a complex number of unit size."""
-    half = (boundary.end - boundary.start) / 2
-    a = np.abs(half)
-    tangent = rotation * half / a
-    w = (boundary.nodes[:, None] - rotation * (boundary.start + boundary.end) / 2) / tangent
-    on_element = np.repeat(np.eye(len(a), dtype=bool) & (rotation == 1), len(NODES), axis=0)
-    w[on_element] = w[on_element].real  # each element lies on the real axis
+    seen = _seen_from_elements(boundary, rotation)
     unit = LOG_UNIT * float(np.max(np.abs(boundary.nodes)))
-    logs, cauchy, squares, powers = _moments(w, a, on_element, unit)
-    offset = (np.conj(w) - w)[..., None]
-    frame = tangent[:, None] ** 2
+    logs, cauchy, squares, powers = _moments(seen.w, seen.a, seen.on_element, unit)
+    offset = (np.conj(seen.w) - seen.w)[..., None]
+    frame = seen.tangent[:, None] ** 2
     force = SHAPES / (4 * np.pi * (1 + kappa))
     jump = SHAPES / (2j * np.pi * (1 + kappa))
     by_force = -2 * kappa * logs @ force
@@ -176,6 +171,31 @@ def _of_copy(boundary: Boundary, kappa: float, rotation: complex) -> _Equations:
         _real(rotation * by_force, back * by_force_star),
         _real(rotation * by_jump, back * by_jump_star),
     )
+
+
+class _Seen(NamedTuple):
+    """Nodes in the frames of m elements, each of which is on the real axis about zero.
+
+    w : (n, m), complex, mm, places of nodes.   on_element : (n, m), nodes of the element.
+    a : (m,), half lengths, mm.   tangent : (m,), complex, unit directions of the elements.
+    """
+
+    w: AnyArray
+    on_element: NDArray[np.bool_]
+    a: Array
+    tangent: AnyArray
+
+
+def _seen_from_elements(boundary: Boundary, rotation: complex) -> _Seen:
+    """Return the nodes of a boundary in the frames of its elements after these are turned."""
+    half = (boundary.end - boundary.start) / 2
+    a = np.abs(half)
+    tangent = rotation * half / a
+    middle = rotation * (boundary.start + boundary.end) / 2
+    w = (boundary.nodes[:, None] - middle) / tangent
+    on_element = np.repeat(np.eye(len(a), dtype=bool) & (rotation == 1), len(NODES), axis=0)
+    w[on_element] = w[on_element].real  # without round-off
+    return _Seen(w, on_element, a, tangent)
 
 
 class _Moments(NamedTuple):
@@ -469,9 +489,8 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     width = stage.chain.link_width
     a = radius - width / 2
     b = radius + width / 2
-    nodes, weights = np.polynomial.legendre.leggauss(RADII)
-    r = a * (b / a) ** ((nodes + 1) / 2)
-    r_dr = r * (weights / 2 * np.log(b / a) * r)
+    r, dr = _radii(a, b)
+    r_dr = r * dr
     bending, tension, shear, radial = bend_stresses(a, b, r)
     # by moment and by axial force, radial and tangential
     stress = np.array([[radial, bending], [shear, tension]])
@@ -480,6 +499,13 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     density[:2, :2] = np.einsum("ian,ab,jbn,n->ij", stress, hooke, stress, r_dr)
     density[2, 2] = 2 * (1 + nu) * np.sum(shear**2 * r_dr)
     return density / (E * stage.thickness * radius)
+
+
+def _radii(a: float, b: float) -> tuple[Array, Array]:
+    """Return radii (q,) from a to b, mm, and their quadrature weights, mm."""
+    nodes, weights = np.polynomial.legendre.leggauss(RADII)
+    r = a * (b / a) ** ((nodes + 1) / 2)
+    return r, weights / 2 * np.log(b / a) * r
 
 
 # size of elements at the clamped corners, per link width; it grows as from the neck

@@ -42,12 +42,9 @@ if TYPE_CHECKING:
 OFF_CHART = "t/R off the hinge chart"
 OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
 NOT_POSITIVE = "no positive compliance by its formula"
-TRIAL_NECKS = np.outer(
-    10.0 ** np.arange(-6, 4), (1.0, 2.0, 5.0)
-).ravel()  # mm, smallest widths to be recommended
-LINK_BODIES = tuple(
-    (1 + 2 * chain, 2 + 2 * chain) for chain in range(3)
-)  # of every chain; the platform is body 0
+# mm, smallest widths to be recommended
+TRIAL_NECKS = np.outer(10.0 ** np.arange(-6, 4), (1.0, 2.0, 5.0)).ravel()
+LINK_BODIES = ((1, 2), (3, 4), (5, 6))  # of every chain; the platform is body 0
 JOINTS = tuple(
     ends for first, last in LINK_BODIES for ends in ((GROUND, first), (first, last), (last, 0))
 )
@@ -60,8 +57,7 @@ class PlatformAtRest(NamedTuple):
     stiffness : (n, 3, 3), N/mm, N, N mm; nan for a singular design.
     wrench : internal forces of the necks per displacement, (n, 3 chains, 3 hinges, 3 directions).
     stress : (n, 3, 3, 3), largest von Mises stress at each neck per displacement in each direction,
-    the others held:
-        MPa per mm, per rad.
+        the others held: MPa per mm, per rad.
     base_rotation : (n, 3), largest rotation of a base hinge per displacement: rad per mm, per rad.
     """
 
@@ -77,8 +73,8 @@ class AnalyticResult(NamedTuple):
 
     stiffness, compliance : (3, 3) of the platform in x, y, Phi: mm, N, rad.   mobility : by (1).
     freedoms, hinges : of each hinge, 3 chains by 3 hinges.   formula : of the hinges.
-    links : whether pads, links and platform are elastic.   plane : the reduction to a plane
-    problem.
+    links : whether pads, links and platform are elastic.
+    plane : the reduction to a plane problem.
     wrench, stress : as in `PlatformAtRest`, (3 chains, 3 hinges, 3 directions).
     """
 
@@ -101,33 +97,30 @@ class AnalyticResult(NamedTuple):
     def neck_stress(self, stage: Stage, poses: Array) -> Array:
         """Return the largest von Mises stress (..., 3 chains, 3 hinges), MPa, at poses (..., 3)."""
         design = lower(stage)
-        wrench = Wrench(
-            *(np.einsum("cnd,...d->...cn", part, poses)[..., None] for part in self.wrench)
-        )
+        parts = [np.einsum("cnd,...d->...cn", part, poses) for part in self.wrench]
+        wrench = Wrench(*(part[..., None] for part in parts))
         raised = Concentration(*(part[0] for part in stress_raised(design)))
         return neck_stress(wrench, design.neck[0], design.thickness[0], raised)[..., 0]
 
 
 def hinge_compliances(designs: Designs, formula: str) -> Compliance:
-    """Return the compliances of all hinges, fields (n, 3 chains, 3 hinges).
-
-    They are those in the designs' plane, and nan off a chart.
+    """Return the compliances of all hinges, fields (n, 3 chains, 3 hinges), nan off a chart.
 
     Raises BadInput for an unknown formula.
     """
-    b, H, nu = (
-        values[:, None, None]
-        for values in (designs.thickness, designs.link_width, designs.poissons_ratio)
-    )
+    b = designs.thickness[:, None, None]
+    H = designs.link_width[:, None, None]
     E, effective_nu = (values[:, None, None] for values in designs.elastic)
-    hinges = formulas.formula(formula).compliance(
-        designs.radius, designs.neck, b, E, effective_nu, H
-    )
+    radius = designs.radius
+    neck = designs.neck
+    hinges = formulas.formula(formula).compliance(radius, neck, b, E, effective_nu, H)
     if designs.plane != "corrected":
         return hinges
-    factors = chart.thickness_factors(designs.radius, designs.neck, b, nu)
+    factors = chart.thickness_factors(radius, neck, b, designs.poissons_ratio[:, None, None])
     return Compliance(
-        *(compliance * factor for compliance, factor in zip(hinges, factors, strict=True))
+        rotation=hinges.rotation * factors.rotation,
+        axial=hinges.axial * factors.axial,
+        shear=hinges.shear * factors.shear,
     )
 
 
@@ -142,33 +135,27 @@ def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
 
 
 def _is_valid(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
-    """Return whether the formula and the thickness chart cover each hinge (n, 3, 3).
-
-    They are listed by the reason if not.
-    """
-    valid = {}
+    """Return whether the formula and the thickness chart cover each hinge (n, 3, 3), by reason."""
+    valid = dict[str, NDArray[np.bool_]]()
     if formulas.formula(formula).charted:
         valid[OFF_CHART] = formulas.formula(formula).in_range(designs.radius, designs.neck)
     if designs.plane == "corrected":
-        b = designs.thickness[:, None, None]
+        tau = designs.neck / designs.radius
+        depth_ratio = designs.thickness[:, None, None] / designs.neck
         nu = designs.poissons_ratio[:, None, None]
-        valid[OFF_THICKNESS] = chart.thickness_chart().covers(
-            designs.neck / designs.radius, b / designs.neck, nu
-        )
+        valid[OFF_THICKNESS] = chart.thickness_chart().covers(tau, depth_ratio, nu)
     valid[NOT_POSITIVE] = np.minimum(np.minimum(hinges.rotation, hinges.axial), hinges.shear) > 0
     return valid
 
 
 def invalid_hinges(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
-    """Return the designs whose hinges the formula or a chart does not cover.
-
-    They are listed by table of the hinge and reason.
-    """
-    return [
-        Broken(f"hinges.{name}: {reason}", ~np.all(valid[:, :, position], axis=1))
-        for reason, valid in _is_valid(designs, formula, hinges).items()
-        for position, name in enumerate(HINGE_NAMES)
-    ]
+    """Return the designs with hinges that formula or chart does not cover, by hinge and reason."""
+    found = list[Broken]()
+    for reason, valid in _is_valid(designs, formula, hinges).items():
+        for position, name in enumerate(HINGE_NAMES):
+            is_invalid = ~np.all(valid[:, :, position], axis=1)
+            found.append(Broken(f"hinges.{name}: {reason}", is_invalid))
+    return found
 
 
 def network_of(
@@ -178,19 +165,20 @@ def network_of(
 
     The nine hinges join them.
 
-    bodies : (..., 9, 9), compliance of elastic bodies at the platform's hinges, as from
-    `body_compliance`.
+    bodies : (..., 9, 9), of `body_compliance`, compliance at the platform's hinges.
     """
-    allowed = np.array(
-        [[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms]
+    # which of rotation, axial and shear each hinge allows
+    allowed = [[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms]
+    rotation, axial, shear = np.moveaxis(np.array(allowed), -1, 0)
+    C = network.joint_compliance(
+        frames.centres,
+        frames.axes,
+        rotation * hinges.rotation,
+        axial * hinges.axial,
+        shear * hinges.shear,
     )
-    rotation, axial, shear = (
-        np.asarray(part) * allowed[..., kind] for kind, part in enumerate(hinges)
-    )
-    C = network.joint_compliance(frames.centres, frames.axes, rotation, axial, shear)
-    return Network(
-        7, 0, JOINTS, C.reshape(*C.shape[:-4], len(JOINTS), 3, 3), PLATFORM_HINGES, bodies
-    )
+    joints = C.reshape(*C.shape[:-4], len(JOINTS), 3, 3)
+    return Network(7, 0, JOINTS, joints, PLATFORM_HINGES, bodies)
 
 
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:
@@ -221,9 +209,7 @@ def stress_raised(designs: Designs) -> Concentration:
 def at_rest(
     designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None
 ) -> PlatformAtRest:
-    """Return the response of n designs at rest with hinges of compliances (n, 3, 3).
-
-    The stiffness is that of (18).
+    """Return the response of n designs at rest, (18), with hinges of compliances (n, 3, 3).
 
     bodies : (n, 9, 9), of `body_compliance`; None where pads, links and platform are rigid.
     """
@@ -237,10 +223,7 @@ def at_rest(
 def stiffness_with_necks(
     stage: Stage, necks: Array, formula: str, freedoms: Freedoms, bodies: Array | None = None
 ) -> Array:
-    """Return the stiffness (n, 3, 3) of a stage with other necks (n, 3, 3), mm.
-
-    The bodies are the same; it is nan off a chart.
-    """
+    """Return the stiffness (n, 3, 3) of a stage with other necks (n, 3, 3), mm; nan off a chart."""
     designs = lower(stage).repeated(len(necks))
     designs.neck[:] = necks
     with np.errstate(all="ignore"):
@@ -260,8 +243,12 @@ def analyse(
 
     Raises
     ------
-    BadInput: mobility or formula is not known, a neck is far thinner than the others, or as for
-    `hinge_compliance`. ComputationFailed: the stage is at a singular configuration."""
+    BadInput
+        Mobility or formula is not known, a neck is far thinner than the others, or as for
+        `hinge_compliance`.
+    ComputationFailed
+        The stage is at a singular configuration.
+    """
     design = lower(stage)
     hinges = hinge_compliance(stage, formula)
     freedoms = freedoms_of(21 if links else mobility, design.prismatic)
@@ -316,9 +303,7 @@ def choose(
 
 
 def best_model(stage: Stage, warnings: list[str]) -> ModelChoice:
-    """Return the default model of every question.
-
-    It has calibrated hinges, corrected for thickness, and elastic links.
+    """Return the default model: calibrated hinges, corrected for thickness, elastic links.
 
     A `model` in the stage file is kept. Where a chart does not cover a hinge, the default formula
     or plane stress is used, and a warning is added.
@@ -347,16 +332,12 @@ def corrected(stage: Stage) -> Stage:
 
 
 def _refuse_thin_neck(stage: Stage, formula: str, freedoms: Freedoms, bodies: Array | None) -> None:
-    """Refuse the thinnest neck of a stage without a solution.
-
-    It is refused if the stage has a solution with wider thin necks.
-    """
-    design = lower(stage)
-    chain, position = np.unravel_index(np.argmin(design.neck[0]), (3, 3))
-    trial = TRIAL_NECKS[(np.min(design.neck) < TRIAL_NECKS) & (np.max(design.neck) > TRIAL_NECKS)]
-    K = stiffness_with_necks(
-        stage, np.maximum(design.neck, trial[:, None, None]), formula, freedoms, bodies
-    )
+    """Refuse the thinnest neck of a stage that has a solution only with wider thin necks."""
+    necks = lower(stage).neck
+    chain, position = np.unravel_index(np.argmin(necks[0]), (3, 3))
+    trial = TRIAL_NECKS[(np.min(necks) < TRIAL_NECKS) & (np.max(necks) > TRIAL_NECKS)]
+    wider = np.maximum(necks, trial[:, None, None])
+    K = stiffness_with_necks(stage, wider, formula, freedoms, bodies)
     solvable = trial[~np.isnan(inverse(K)).any(axis=(1, 2))]
     if len(solvable):
         name = HINGE_NAMES[position]
@@ -365,7 +346,7 @@ def _refuse_thin_neck(stage: Stage, formula: str, freedoms: Freedoms, bodies: Ar
         with located(stage):
             raise BadInput(
                 f"{key} = {neck:g}: this neck is so much thinner than others, of up to "
-                f"{np.max(design.neck):g} mm, that the stiffness cannot be computed to working "
+                f"{np.max(necks):g} mm, that the stiffness cannot be computed to working "
                 f"precision, expected >= {solvable[0]:g}"
             )
 
@@ -375,10 +356,8 @@ def assemble(
 ) -> PaperModel:
     """Return the paper's model of the stage, for any load and configuration.
 
-    Arguments are those of `analyse`.
-
-    Six other joints are dependent where the independent joints of the paper do not determine the
-    rest.
+    Arguments are those of `analyse`. Six other joints are dependent where the independent joints of
+    the paper do not determine the rest.
     """
     freedoms = freedoms_of(mobility, lower(stage).prismatic)
     model = mechanism(stage_frames(stage), hinge_compliance(stage, formula), freedoms)
@@ -403,7 +382,8 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
 
 
 def _model_name(formula: str, links: bool, mobility: int, plane: Plane) -> str:
-    return f"{formula}, {'elastic links' if links else f'mobility {mobility}'}, {PLANES[plane]}"
+    freedoms = "elastic links" if links else f"mobility {mobility}"
+    return f"{formula}, {freedoms}, {PLANES[plane]}"
 
 
 def _refusal(reason: str, stage: Stage, formula: str, chain: int, position: int) -> str:

@@ -71,10 +71,7 @@ class PlatformModel:
 
     @cached_property
     def range_at_yield(self) -> Array:
-        """Displacement (3,) in each direction, the others held, at which the first neck yields.
-
-        It is in mm, mm, rad.
-        """
+        """Displacement (3,), mm, mm, rad, with the others held, at which the first neck yields."""
         highest: Array = np.max(self.neck_stress(np.eye(3)), axis=(1, 2))
         return self.stage.material.yield_strength / highest
 
@@ -83,8 +80,8 @@ class PlatformModel:
 class AnalyticModel(PlatformModel):
     """The pseudo-rigid model of a stage at rest, as `analyse` returns it.
 
-    mobility : by (1).   formula : of the hinges.   links : whether pads, links and platform are
-    elastic.
+    mobility : by (1).   formula : of the hinges.
+    links : whether pads, links and platform are elastic.
     chosen : settings of the model; its stage has the plane model that was used.
     """
 
@@ -105,7 +102,9 @@ class AnalyticModel(PlatformModel):
     def warnings(self) -> list[str]:
         """Limits of validity that the stage exceeds, one sentence each."""
         found = [*warning.of_numbers(self.stage), *warning.of_formula(self.stage, self.formula)]
-        return found if self.links else [*found, *warning.of_model(self.stage, self.result)]
+        if not self.links:
+            found += warning.of_model(self.stage, self.result)
+        return found
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -134,28 +133,22 @@ class ElementModel(PlatformModel):
     def neck_stress(self, pose: ArrayLike) -> Array:
         """See `PlatformModel`."""
         loads = self.force(pose)
-        return neck_stresses(self.stage, self.solved, loads.reshape(-1, 3)).highest.reshape(
-            *loads.shape[:-1], 3, 3
-        )
+        stresses = neck_stresses(self.stage, self.solved, loads.reshape(-1, 3))
+        return stresses.highest.reshape(*loads.shape[:-1], 3, 3)
 
     def fields(self, force: ArrayLike) -> Fields:
         """Return mesh, displacement and von Mises stress under one load (3,), for figures."""
         mesh = self.mesh
         load = forces("force", force, 1)
-        return Fields(
-            mesh.nodes, mesh.triangles, mesh.bodies, self.displacement(load), self.stress(load)
-        )
+        displacement = self.displacement(load)
+        return Fields(mesh.nodes, mesh.triangles, mesh.bodies, displacement, self.stress(load))
 
     @cached_property
     def band(self) -> Array:
-        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad.
-
-        It follows from two coarser meshes.
-        """
+        """Half-width (3, 3) of the mesh uncertainty of the compliance by two coarser meshes."""
         steps = levels(self.resolution)
-        return compliance_bands(
-            np.array(steps), np.array([solved(self.stage, level).compliance for level in steps])
-        )
+        compliances = [solved(self.stage, level).compliance for level in steps]
+        return compliance_bands(np.array(steps), np.array(compliances))
 
     @property
     def warnings(self) -> list[str]:
@@ -178,8 +171,8 @@ class Errors(NamedTuple):
     They are the displacement by finite elements minus the commanded one, under the force of (18).
 
     percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations
-    count with the lever l3, as CONVENTIONS says.   band : (3, 3), percentage points, half-width of
-    the numerical uncertainty.
+        count with the lever l3, as CONVENTIONS says.
+    band : (3, 3), percentage points, half-width of the numerical uncertainty.
     """
 
     percent: Array
@@ -227,8 +220,16 @@ def analyse(
     check_feasible(stage)
     chosen = choose(stage, mobility, formula, links, [])
     found = analyse_stage(*chosen)
-    of = (found.mobility, found.formula, found.links)
-    return AnalyticModel(stage, found.stiffness, found.compliance, *of, chosen, found)
+    return AnalyticModel(
+        stage,
+        found.stiffness,
+        found.compliance,
+        found.mobility,
+        found.formula,
+        found.links,
+        chosen,
+        found,
+    )
 
 
 def solve(stage: Stage, resolution: int = RESOLUTION) -> ElementModel:
@@ -264,8 +265,8 @@ def errors(
 
     Parameters
     ----------
-    mobility, formula, links : of the model, see `analyse`.   resolution : of the finest of three
-    meshes, from 4.
+    mobility, formula, links : of the model, see `analyse`.
+    resolution : of the finest of three meshes, from 4.
 
     Raises
     ------

@@ -55,9 +55,7 @@ ROUND_OFF = 1e-12  # relative, of the ends of two stations
 
 
 class DrivenModel(NamedTuple):
-    """Response to unit loads on the platform and a unit force of each of n stacks.
-
-    Leading axes are designs.
+    """Response to unit loads on the platform and a unit force of each of n stacks, by design.
 
     compliance : (..., 3 + n, 3 + n), pose and openings of the stacks, mm and rad, per N and N mm.
     necks : (..., 3 chains, 3 hinges, 3, 3 + n), wrench of each neck at the platform centre.
@@ -70,8 +68,9 @@ class DrivenModel(NamedTuple):
 class LinkParts(NamedTuple):
     """Elastic bodies under loads on the platform and n stacks.
 
-    compliance : (..., 9, 9), of `body_compliance`.   openings : (..., 9, 3, 3 + n), of joints, and
-    motions : (..., 3 + n, 3 + n), as in `network.InternalMotions`.
+    compliance : (..., 9, 9), of `body_compliance`.
+    openings, motions : (..., 9, 3, 3 + n), of joints, and (..., 3 + n, 3 + n), as in
+        `network.InternalMotions`.
     """
 
     compliance: Array
@@ -84,7 +83,7 @@ def driven_model(
 ) -> DrivenModel:
     """Return the driven model of a stage with the hinges, freedoms and links of `result`.
 
-    stacks : None takes its own.
+    stacks : None takes those of the stage.
 
     Raises BadInput for a stage without actuators.
     """
@@ -102,17 +101,17 @@ def driven(
 ) -> DrivenModel:
     """Return the driven model of any number of designs.
 
-    frames : (..., 3, 3, 2).   hinges : (..., 3, 3).   The stacks are given by their wrenches.
+    frames : (..., 3, 3, 2).   hinges : (..., 3, 3).
 
-    nan for a design with a chain that has no compliance in some direction.
+    It is nan for a design with a chain that has no compliance in some direction.
     """
-    bodies = None if elastic is None else elastic.compliance
-    internal = (
-        None if elastic is None else network.InternalMotions(elastic.openings, elastic.motions)
-    )
-    response = network.solve(
-        network_of(frames, hinges, freedoms, bodies), _loads_of(stacks), internal=internal
-    )
+    bodies = None
+    internal = None
+    if elastic is not None:
+        bodies = elastic.compliance
+        internal = network.InternalMotions(elastic.openings, elastic.motions)
+    joined = network_of(frames, hinges, freedoms, bodies)
+    response = network.solve(joined, _loads_of(stacks), internal=internal)
     return DrivenModel(response.motions, _by_chain(response.wrenches))
 
 
@@ -122,13 +121,9 @@ def _by_chain(wrenches: Array) -> Array:
 
 
 def _loads_of(stacks: tuple[Stack, ...]) -> Array:
-    """Loads (..., 7 bodies, 3, 3 + n): on the platform, then of each stack.
-
-    They are unit wrenches and unit forces.
-    """
-    lead = np.broadcast_shapes(
-        *(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes)
-    )
+    """Loads (..., 7 bodies, 3, 3 + n): unit wrenches on the platform, then forces of stacks."""
+    wrenches = [push.wrench for stack in stacks for push in stack.pushes]
+    lead = np.broadcast_shapes(*(wrench.shape[:-1] for wrench in wrenches))
     loads = np.zeros((*lead, MOVING, 3, 3 + len(stacks)))
     loads[..., 0, :, :3] = np.eye(3)
     for j, stack in enumerate(stacks):
@@ -148,33 +143,36 @@ def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
     openings = np.zeros((len(JOINTS), 3, n))
     motions = np.zeros((n, n))
     for chain in CHAINS:
-        # forces on the platform act on its rigid hub, and have no station
-        pushes = [
-            (j, push)
-            for j, stack in enumerate(stacks, start=3)
-            if stack.chain == chain - 1
-            for push in stack.pushes
-            if push.station is not None
-        ]
-        for link, compliance, at in (
-            link_pieces(stage, chain, [push for _, push in pushes]) if pushes else ()
-        ):
+        pushes = _pushes_on_links(stacks, chain)
+        if not pushes:
+            continue
+        at_platform = 3 * chain - 1  # joint
+        for link, compliance, at in link_pieces(stage, chain, [push for _, push in pushes]):
             Q = np.zeros((len(at), 3, n))
             for j, push in pushes:
                 Q[:, :, j] += distal_share(push, link, at)[:, None] * push.wrench
             CQ = compliance @ Q
-            openings[3 * chain - 1] += chain_rotation(chain - 1) @ np.sum(
-                CQ, axis=0
-            )  # in the joint at the platform
+            openings[at_platform] += chain_rotation(chain - 1) @ np.sum(CQ, axis=0)
             motions += np.tensordot(Q, CQ, axes=([0, 1], [0, 1]))
     return LinkParts(body_compliance(stage), openings, motions)
+
+
+def _pushes_on_links(stacks: tuple[Stack, ...], chain: int) -> list[tuple[int, Push]]:
+    """Return the pushes on elastic links of a chain (1 to 3), and the load case of each.
+
+    Forces on the platform act on its rigid hub, and have no station.
+    """
+    found = list[tuple[int, Push]]()
+    for load_case, stack in enumerate(stacks, start=3):
+        if stack.chain == chain - 1:
+            found += [(load_case, push) for push in stack.pushes if push.station is not None]
+    return found
 
 
 class Pieces(NamedTuple):
     """Pieces (q) of a line or arc of a chain's pad (link 0) or link.
 
-    They have compliances (q, 3, 3) at the platform in the frame of chain 1, and positions along the
-    link, mm.
+    compliance : (q, 3, 3), at the platform in the frame of chain 1.   at : (q,), mm along the link.
     """
 
     link: int
@@ -187,12 +185,11 @@ def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
 
     They are split at the ends of the stations.
     """
-    pieces = []
+    pieces = list[Pieces]()
     for link, path in enumerate(drawn.centrelines(stage, chain)):
         begin = 0.0
-        stations = [
-            push.station for push in pushes if push.body == link and push.station is not None
-        ]
+        on_link = [push.station for push in pushes if push.body == link]
+        stations = [station for station in on_link if station is not None]
         for segment in path:
             for low, high in _intervals(begin, begin + segment.length, stations):
                 ends = (low - begin) / segment.length, (high - begin) / segment.length
@@ -204,23 +201,16 @@ def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
 
 def _intervals(begin: float, end: float, stations: list[Station]) -> list[tuple[float, float]]:
     """Split a length of a path at the ends of stations, but for round-off."""
-    marks = {
-        mark
-        for station in stations
-        for mark in (station.middle - station.half, station.middle + station.half)
-    }
+    marks = {station.middle - station.half for station in stations}
+    marks |= {station.middle + station.half for station in stations}
     cuts = [begin, *sorted(mark for mark in marks if begin < mark < end), end]
     least = ROUND_OFF * (abs(begin) + abs(end))
-    return list(
-        pairwise([cut for cut, following in pairwise(cuts) if following - cut > least] + [end])
-    )
+    kept = [cut for cut, following in pairwise(cuts) if following - cut > least]
+    return list(pairwise([*kept, end]))
 
 
 def distal_share(push: Push, link: int, at: Array) -> Array:
-    """Return the share (q,) of a force on a body that acts distal to places (q,).
-
-    The places are in mm along a link (0 is the pad).
-    """
+    """Return the share (q,) of a force on a body distal to places (q,), mm along a link."""
     if push.body == link and push.station is not None:
         return share_beyond(push.station, at)
     return np.full(len(at), float(push.body > link))
@@ -234,14 +224,10 @@ def dynamics(
     The motions are the twists of platform, then link 1 and link 2 of every chain, at the platform
     centre. The openings of `stacks` are appended to the compliance, for `network.with_springs`.
     """
-    driven_stage = driven_model(
-        stage, model, (*body_loads(stage if model.links else None), *stacks)
-    )
-    return Dynamics(
-        driven_stage.compliance,
-        mass_matrix(stage, payload),
-        FREEDOMS if model.links else model.mobility,
-    )
+    loads = (*body_loads(stage if model.links else None), *stacks)
+    compliance = driven_model(stage, model, loads).compliance
+    freedoms = FREEDOMS if model.links else model.mobility
+    return Dynamics(compliance, mass_matrix(stage, payload), freedoms)
 
 
 def mass_matrix(stage: Stage, payload: Payload) -> Array:
@@ -249,18 +235,18 @@ def mass_matrix(stage: Stage, payload: Payload) -> Array:
     areal = drawn.mass_per_area(stage)
     bodies = inertia_of(drawn.body_moments(stage), np.full((len(CHAINS), PLATFORM + 1), areal))
     platform = bodies[:, PLATFORM].sum(axis=0) + drawn.carried(stage, payload)
-    return network.block_diagonal(np.stack([platform, *bodies[:, list(LINKS)].reshape(-1, 3, 3)]))
+    links = bodies[:, list(LINKS)].reshape(-1, 3, 3)
+    return network.block_diagonal(np.stack([platform, *links]))
 
 
 def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
     """Return unit wrenches on the links: x, y, theta of link 1 and link 2 of every chain.
 
-    They are in the stage's frame.
+    They are in the frame of the stage.
 
-    stage : distributes them along its elastic links, like inertia forces; None where links are
-    rigid.
+    stage : distributes them along its elastic links, like inertia forces; None for rigid links.
     """
-    loads = []
+    loads = list[Stack]()
     for chain in range(len(CHAINS)):
         for link in LINKS:
             station = None
@@ -268,12 +254,10 @@ def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
                 path = drawn.centrelines(stage, chain + 1)[link]
                 half = sum(segment.length for segment in path) / 2
                 station = Station(path, stage.chain.link_width, half, half)
-            for wrench in np.eye(3) @ chain_rotation(
-                chain
-            ):  # rows: the stage's directions in the chain's frame
-                loads.append(
-                    Stack(chain, (Push(link, wrench, station), Push(0, np.zeros(3), None)))
-                )
+            # rows: the stage's directions in the chain's frame
+            for wrench in chain_rotation(chain):
+                pushes = (Push(link, wrench, station), Push(0, np.zeros(3), None))
+                loads.append(Stack(chain, pushes))
     return tuple(loads)
 
 
@@ -284,10 +268,10 @@ def under_weight(
 
     gravity : (2,), acceleration in the plane, mm/s^2.
     """
-    driven_stage = driven_model(stage, model, body_loads(stage if model.links else None))
+    loaded = driven_model(stage, model, body_loads(stage if model.links else None))
     weights = mass_matrix(stage, payload) @ np.tile([*gravity, 0.0], MOVING)
-    stress = _stress(lower(stage), (driven_stage.necks @ weights)[None, ..., None])
-    return driven_stage.compliance[:3] @ weights, stress[0, ..., 0]
+    stress = _stress(lower(stage), (loaded.necks @ weights)[None, ..., None])
+    return loaded.compliance[:3] @ weights, stress[0, ..., 0]
 
 
 def _stress(designs: Designs, wrenches: Array) -> Array:
@@ -303,8 +287,8 @@ class WarmModel(NamedTuple):
     """Response of n designs to three cases, the last axis: 1 K, 1 K/mm along x, 1 K/mm along y.
 
     pose : (n, 3, 3 cases), of the platform, mm and rad.
-    reaction : (n, 3 chains, 3, 3 cases), of the ground on each chain about the platform's centre, N
-    and N mm.
+    reaction : (n, 3 chains, 3, 3 cases), of the ground on each chain about the platform's centre,
+        N and N mm.
     stress : (n, 3 chains, 3 hinges, 3 cases), largest von Mises stress at each neck, MPa.
     """
 
@@ -324,10 +308,7 @@ class WarmBodies(NamedTuple):
 
 
 class DriftRates(NamedTuple):
-    """Drift of n designs.
-
-    Pose per kelvin (n, 3), mm and rad; largest translation and rotation per K/mm (n, 2).
-    """
+    """Pose (n, 3), mm and rad per K, and largest translation and rotation (n, 2) per K/mm."""
 
     uniform: Array
     gradient: Array
@@ -342,19 +323,14 @@ def require_expansion(stage: Mechanism, frame: bool = False) -> None:
 
 
 def in_plane(designs: Designs) -> tuple[Array, Array]:
-    """Return the effective in-plane expansions (n,), 1/K, of stage and frame.
-
-    That of a missing frame equals the stage's.
-    """
+    """Return the in-plane expansions (n,), 1/K, of stage and frame; equal without a frame."""
     stage, frame = designs.expansion.T
     frame = np.where(np.isnan(frame), stage, frame)
     return expansion.expansion_in_plane(stage, frame, designs.out_of_plane), frame
 
 
 def rates_of(pose: Array) -> DriftRates:
-    """Return the drift rates of poses (n, 3, 3 cases).
-
-    They are the largest over all directions of the gradient.
+    """Return the drift rates of poses (n, 3, 3 cases), largest over directions of the gradient.
 
     Notes
     -----
@@ -382,28 +358,27 @@ def drift(
     bodies : None where pads, links and platform are rigid.
     """
     misfit = misfits(designs, stage_expansion, frame_expansion)
+    compliance = None
     if bodies is not None:
-        misfit = misfit + (frame_expansion - stage_expansion)[:, None, None, None] * bodies.edges
+        compliance = bodies.compliance
+        difference = frame_expansion - stage_expansion
+        misfit = misfit + difference[:, None, None, None] * bodies.edges
     openings = np.zeros((len(misfit), len(JOINTS), 3, 3))
     openings[:, ::3] = misfit  # of each chain, in its first joint
-    mechanism = network_of(
-        designs.frames, hinges, freedoms, None if bodies is None else bodies.compliance
-    )
-    pose, wrenches, _ = network.solve(mechanism, np.zeros((MOVING, 3, 3)), openings)
+    joined = network_of(designs.frames, hinges, freedoms, compliance)
+    pose, wrenches, _ = network.solve(joined, np.zeros((MOVING, 3, 3)), openings)
     return WarmModel(pose, -wrenches[:, ::3], _stress(designs, _by_chain(wrenches)))
 
 
 def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:
     """Return the displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone.
 
-    The hinges are at rest.
-
-    That of the ground about the platform's centre is the same for any path of the chain.
+    The hinges are at rest. That of the ground about the platform's centre is the same for any path
+    of the chain.
     """
     centres, axes = designs.frames
     pad = designs.radius[:, :, 0] + designs.link_width[:, None]
     ground = centres[:, :, 0] - pad[..., None] * direction(axes[:, :, 0])
-    difference = (frame_expansion - stage_expansion)[
-        :, None, None, None
-    ]  # exactly zero for equal expansions
-    return np.asarray(difference * network.ground_motions(ground @ [1, 1j]))
+    difference = frame_expansion - stage_expansion  # exactly zero for equal expansions
+    motions = network.ground_motions(ground @ [1, 1j])
+    return np.asarray(difference[:, None, None, None] * motions)
