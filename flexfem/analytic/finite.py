@@ -54,9 +54,7 @@ class FiniteResponse(NamedTuple):
 
 
 def beam_stiffness(profile: Profile, marks: Array, E: float, nu: float, thickness: float) -> Array:
-    """Return the stiffness (n, 3, 3) of parts of a profile: elongation and rotations of the ends.
-
-    The rotations are relative to the chord.
+    """Return the stiffness (n, 3, 3) of parts of a profile: elongation, rotations from the chord.
 
     marks : (n + 1,), mm, ends of the parts on the axis of the profile.
     """
@@ -441,9 +439,7 @@ def _under_share(
 
 
 def displaced(layout: Layout, loads: Array) -> FiniteResponse:
-    """Return the equilibria under dead loads (s, k) on the ports, N and N mm.
-
-    They are followed one from the other.
+    """Return the equilibria under dead loads (s, k) on the ports, one followed from the other.
 
     Raises
     ------
@@ -473,9 +469,7 @@ def displaced(layout: Layout, loads: Array) -> FiniteResponse:
 
 
 def buckling_factors(layout: Layout, loads: Array, held: Sequence[Sequence[int]]) -> Array:
-    """Return the least positive multiples (s,) of loads (s, k) at which a mechanism buckles.
-
-    They are infinite if it does not.
+    """Return the least positive multiples (s,) of loads (s, k) that buckle it; infinite if none.
 
     held : (s), ports whose displacements stay zero under each load, so that they cannot take part
     in buckling. Raises ComputationFailed when a body can move without load."""

@@ -67,28 +67,19 @@ def beam_compliances(layout: Layout) -> Array:
 
 
 def hinge_compliances(layout: Layout) -> Array:
-    """Return the compliances (h, 3, 3) of hinges at their centres.
-
-    They are those in three dimensions for a wide layout.
-    """
+    """Return the compliances (h, 3, 3) of hinges, in three dimensions for a wide layout."""
     plane = beam_compliances(layout)
     return widened(layout, plane) if layout.wide else plane
 
 
 def widened(layout: Layout, plane: Array) -> Array:
-    """Return compliances (h, 3, 3) of hinges in three dimensions from those in plane stress.
-
-    They follow by `wide_factors`.
-    """
+    """Return compliances (h, 3, 3) of hinges in three dimensions from those in plane stress."""
     roots = np.sqrt(compliance_ratios(layout))
     return np.asarray(plane * roots[:, :, None] * roots[:, None])
 
 
 def compliance_ratios(layout: Layout) -> Array:
-    """Return axial, transverse and rotational compliances (h, 3) over those in plane stress.
-
-    They are one but for a wide layout.
-    """
+    """Return axial, transverse and rotational compliances (h, 3) over those in plane stress."""
     if not layout.wide:
         return np.ones((len(layout.joints), 3))
     ratios = list[tuple[float, float, float]]()

@@ -38,7 +38,7 @@ NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0
 def quadrature(degree: int) -> tuple[Array, Array]:
     """Points (q, 2) on the reference triangle and positive weights (q,) of a quadrature rule.
 
-    It is exact for polynomials of the degree.
+    The rule is exact for polynomials of the degree.
     """
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefTri

@@ -208,10 +208,7 @@ def _motions_of_sectors(alike: Array, pairs: Array) -> list[Array]:
 
 
 def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Array, Array]:
-    """Squared frequencies (k,) and modes (m, k) of unit modal mass.
-
-    The modes are (m, 2 k) for complex coordinates.
-    """
+    """Squared frequencies (k,) and modes of unit modal mass (m, k), (m, 2 k) if complex."""
     from scipy.sparse.linalg import LinearOperator
 
     def inertia(coordinates: AnyArray) -> AnyArray:

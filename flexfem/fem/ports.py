@@ -72,10 +72,7 @@ def layers_of_layout(layout: Layout, number: int, antisymmetric: bool = False) -
 
 
 def density_of_layout(layout: Layout, mesh: StageMesh) -> float | Array:
-    """Return the density, tonne/mm^3, of a layout.
-
-    It is that (m,) of the triangles of a mesh if parts have different materials.
-    """
+    """Return the density, tonne/mm^3; (m,), of triangles, if parts have different materials."""
     if not layout.mixed:
         return layout.density
     return np.array([one.density for one in layout.materials])[mesh.bodies]
@@ -309,9 +306,7 @@ def hinge_stress(response: Response, loads: Array) -> Array:
 
 
 def warm_stress(response: Response, across: ArrayLike = 0.0, unlike: ArrayLike = 0.0) -> Array:
-    """Highest von Mises stress (3 cases, h), MPa, at every hinge as in `hinge_stress`.
-
-    The response is that of `warmed`.
+    """Highest von Mises stress (3 cases, h), MPa, at hinges, as `hinge_stress`, after `warmed`.
 
     across : () or (h,), MPa, stress out of the plane per kelvin besides that of plane strain.
     unlike : () or (h,), 1/K, expansion of the hinges less that of the plate.

@@ -251,10 +251,7 @@ def critical_shapes(
 
 
 def _slenderness(structure: Structure, shapes: Array) -> Array:
-    """Return the ratios (s,) of displacement gradients to strains of shapes (size, s).
-
-    They are those of means of squares.
-    """
+    """Return the ratios (s,) of displacement gradients to strains, in the mean of squares."""
     uniform = _of_stress(structure, partial(_unit_stress, structure))
     turning = Prestress(structure, uniform, np.zeros((structure.size, 0)), np.zeros((0, 0)))
     strained = structure.loads(structure.forces(structure.fields(shapes)))

@@ -21,10 +21,7 @@ from flexfem.mechanism.layout import Layout
 
 
 class Strains(NamedTuple):
-    """Largest principal strain (p,) of hinges, then moving bodies, and its places (p, 2), mm.
-
-    It is the largest magnitude.
-    """
+    """Largest size of a principal strain (p,) of hinges, then moving bodies, and places (p, 2)."""
 
     highest: Array
     place: Array

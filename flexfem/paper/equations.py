@@ -203,19 +203,14 @@ DEPENDENT = 6  # three equations in each of two loops
 
 
 class Choice(NamedTuple):
-    """Indices of the independent (..., M) and the dependent joints (..., 6).
-
-    There are no leading axes if all designs agree.
-    """
+    """Indices of independent (..., M) and dependent joints (..., 6), of all designs or of each."""
 
     independent: Index
     dependent: Index
 
 
 class Influence(NamedTuple):
-    """Influence coefficients of the stage at one configuration.
-
-    They are nan for a design whose loops are singular.
+    """Influence coefficients at one configuration; nan for a design with singular loops.
 
     pose : (..., 3), platform displacement from rest by chain 1, mm and rad.
     gap : (..., 6), pose by chain 1 minus that by chain 2, then minus that by chain 3: zero when the
@@ -382,9 +377,7 @@ class PaperModel(NamedTuple):
 
 
 class JointStiffness(NamedTuple):
-    """Stiffness at one configuration and load.
-
-    It is nan for a design with singular loops or a singular K_aa.
+    """Stiffness at one configuration and load; nan with singular loops or a singular K_aa.
 
     K_aa, C_aa : (..., M, M), stiffness of the independent joints (16) and its inverse.
     C_uu, K_uu : (..., 3, 3), compliance (17) and stiffness (18) of the platform in x, y, Phi: mm,

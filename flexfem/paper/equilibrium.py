@@ -86,9 +86,7 @@ class Serial(NamedTuple):
 
 
 class Equilibrium(NamedTuple):
-    """A stage in equilibrium with a load on the platform and the forces of its stacks, if any.
-
-    It has r unknowns.
+    """A stage in equilibrium with a load on the platform and its stacks, if any; r unknowns.
 
     pose : (..., 3), mm and rad, relative to the unloaded stage.   load : (..., 3), on the platform,
     N and N mm.
@@ -136,9 +134,7 @@ class Equilibrium(NamedTuple):
 
 
 def under_load(model: PaperModel, load: Array) -> Equilibrium:
-    """Return the equilibrium under a dead load (..., 3) on the platform.
-
-    The force is at the moving platform centre.
+    """Return the equilibrium under a dead load (..., 3) at the moving centre of the platform.
 
     Raises ComputationFailed when Newton's method does not converge even in the smallest load steps.
     """
@@ -517,7 +513,7 @@ def _end_motions(chain: ChainJoints, bodies: _ChainBodies) -> Array:
 def _turned_work(wrench: Array, end: Array) -> Array:
     """Return the work (..., k) of a wrench (..., 3) on motions of `_end_motions`, turned by 90 deg.
 
-    It is less the second derivative of the work by the joint and by one of unit rotation before it.
+    It is the second derivative of the work by the joint and by a unit rotation nearer the base.
     """
     return wrench[..., 1, None] * end[..., 0, :] - wrench[..., 0, None] * end[..., 1, :]
 
@@ -592,7 +588,7 @@ def axis_poses(commanded: Array, axis: int) -> Array:
 def summed_loads(model: PaperModel, commanded: Array, axis: int) -> dict[str, Array]:
     """Return loads (n, 3) at commands (n,), one of them rest.
 
-    They are integrals of the stiffness, `tangent` and `without` the second-order terms.
+    The loads are integrals of the stiffness, `tangent` and `without` the second-order terms.
     """
     half = np.diff(commanded)[:, None] / 2
     exact = at_pose(model, axis_poses(commanded[:-1, None] + half * (1 + NODES), axis))

@@ -59,10 +59,7 @@ class Boundary(NamedTuple):
 def divided(
     segments: Sequence[Segment], size: Callable[[complex], float], angle: float
 ) -> Boundary:
-    """Return chords of lines and arcs.
-
-    They are halved until none exceeds `size` at its middle, mm, or spans more than `angle`, rad.
-    """
+    """Return chords of curves, at most `size` at their middles, mm, and `angle`, rad, long."""
     pieces = [piece for segment in segments for piece in _halved(segment, size, angle)]
     starts = np.array([piece.start for piece in pieces])
     return Boundary(starts, np.array([piece.end for piece in pieces]))
@@ -476,9 +473,9 @@ def _straight(stage: Stage, material: Elastic) -> Array:
 
 
 def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
-    """Compliance per length (3, 3) of a curved bar to moment, axial force and shear.
+    """Compliance per length (3, 3) of a curved bar to loads at its centre of curvature.
 
-    They act at the centre of curvature.
+    The loads are moment, axial force and shear.
 
     Notes
     -----

@@ -240,9 +240,7 @@ def mass_matrix(stage: Stage, payload: Payload) -> Array:
 
 
 def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
-    """Return unit wrenches on the links: x, y, theta of link 1 and link 2 of every chain.
-
-    They are in the frame of the stage.
+    """Return unit wrenches, in the frame of the stage, on link 1 and link 2 of every chain.
 
     stage : distributes them along its elastic links, like inertia forces; None for rigid links.
     """
