@@ -260,7 +260,7 @@ class FinitePlate:
         length = np.abs(chord + stretched)
         rest = np.abs(chord)
         unit = (chord + stretched) / length
-        from_chord = np.exp(1j * np.stack([turn[:, :-1].ravel(), turn[:, 1:].ravel()], axis=1))
+        from_chord = np.exp(1j * self._at_both_ends(turn))
         ends = np.angle(from_chord * (unit.conj() * chord / rest)[:, None])
         v = (2 * (chord.conj() * stretched).real + np.abs(stretched) ** 2) / (length + rest)
         bent = rest[:, None] * ends @ BOW
@@ -277,7 +277,7 @@ class FinitePlate:
         g, K = self._at_ends(beams, beams.stress + prestress)
         J = np.zeros((len(g), 6, 6))
         J[:, range(6), range(6)] = 1.0
-        arms = np.stack([beams.arm[:, :-1].ravel(), beams.arm[:, 1:].ravel()], axis=1)
+        arms = self._at_both_ends(beams.arm)
         for node in range(2):
             at = 3 * node
             ax = arms[:, node].real
@@ -287,13 +287,18 @@ class FinitePlate:
             # second order of the turned arm
             K[:, at + 2, at + 2] -= g[:, at] * ax + g[:, at + 1] * ay
         column = self.nodes.column
-        where = np.stack([column[:, :-1].ravel(), column[:, 1:].ravel()], axis=1)
+        where = self._at_both_ends(column)
         where = (where[:, :, None] + np.arange(3)).reshape(-1, 6)
         gradient = np.zeros(self.size + 3)
         hessian = np.zeros((self.size + 3, self.size + 3))
         np.add.at(gradient, where, np.einsum("eij,ei->ej", J, g))
         np.add.at(hessian, (where[:, :, None], where[:, None]), J.transpose(0, 2, 1) @ K @ J)
         return gradient[: self.size], hessian[: self.size, : self.size]
+
+    @staticmethod
+    def _at_both_ends(of_nodes: AnyArray) -> AnyArray:
+        """Return values (h, beams + 1) of nodes at the start and end (e, 2) of each beam."""
+        return np.stack([of_nodes[:, :-1].ravel(), of_nodes[:, 1:].ravel()], axis=1)
 
     def _at_ends(self, beams: Beams, stress: Array) -> tuple[Array, Array]:
         """Gradient (e, 6) and Hessian (e, 6, 6) of the energy of beams by motions of both ends.
@@ -311,7 +316,8 @@ class FinitePlate:
         zero = np.zeros_like(length)
         r = np.stack([-c, -s, zero, c, s, zero], axis=1)
         z = np.stack([s, -c, zero, -s, c, zero], axis=1)
-        D = np.stack([r, -z / length[:, None], -z / length[:, None]], axis=1)
+        turning = -z / length[:, None]
+        D = np.stack([r, turning, turning], axis=1)
         D[:, 1, 2] = 1.0
         D[:, 2, 5] = 1.0
         zz = z[:, :, None] * z[:, None]

@@ -89,7 +89,8 @@ class Contacts(NamedTuple):
         squared = (rates[:, 0] + 1j * rates[:, 1]) ** 2
         bb = squared.imag
         bs = -squared.real
-        H = first[:, None, None] * np.stack([np.stack([bb, bs], 1), np.stack([bs, -bb], 1)], 1)
+        twice = np.moveaxis(np.array([[bb, bs], [bs, -bb]]), 2, 0)
+        H = first[:, None, None] * twice
         H += second[:, None, None] * rates[:, :, None] * rates[:, None]
         at = (4 * np.arange(len(arm))[:, None] + [2, 3]).ravel()
         return self.gather[at].T.toarray(), block_diag(*H)
@@ -157,4 +158,6 @@ def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
     at the centroid with a moment.
     """
     x, y = moment.T
-    return complex(along_y[:, 0] @ x / (x @ x), -along_x[:, 1] @ y / (y @ y))
+    along = along_y[:, 0] @ x / (x @ x)
+    across = along_x[:, 1] @ y / (y @ y)
+    return complex(along, -across)

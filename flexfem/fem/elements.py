@@ -363,7 +363,8 @@ def von_mises(stress: Array, ratio: float = 0.0, across: Array | float = 0.0) ->
     else:
         zz = stress[..., 2, 2]
         shear = shear + stress[..., 0, 2] ** 2 + stress[..., 1, 2] ** 2
-    return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * shear))
+    differences = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
+    return np.asarray(np.sqrt(0.5 * differences + 3 * shear))
 
 
 def highest_stress(stress: Array, loads: Array, ratio: float) -> Array:

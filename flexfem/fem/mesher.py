@@ -46,6 +46,7 @@ SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the sam
 SAME_SIZE = 1e-6  # relative, of their areas or lengths
 PERPENDICULAR = 1e-5  # most cosine between the normals of a plate and of a face perpendicular to it
 SOLID_NAME = re.compile(rb"MANIFOLD_SOLID_BREP\s*\(\s*'((?:[^']|'')*)'")
+ON_SIDE = 1e-4  # mm; a plane face at a smaller distance from a side of a plate is a part of it
 PARALLEL = 1 - 1e-9  # least cosine between the normals of parallel faces
 MOST_ARCS = 1000  # in place of one curve
 ON_LINE = 1e-9  # sine of the angle between two chords, below which three points are on a line
@@ -856,8 +857,10 @@ def _fits(face: _SolidFace, sides: _Sides) -> bool:
     along = np.abs(face.normals @ sides.normal)
     if np.all(along < PERPENDICULAR):
         return True
+    if face.kind != "Plane":
+        return False
     at = float(face.point @ sides.normal)
-    return bool(face.kind == "Plane" and min(abs(at - sides.low), abs(at - sides.high)) < 1e-4)
+    return min(abs(at - sides.low), abs(at - sides.high)) < ON_SIDE
 
 
 def _sides(faces: Sequence[_SolidFace]) -> _Sides | None:

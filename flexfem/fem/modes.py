@@ -108,7 +108,8 @@ def _with_stacks(solve: Solve, P: Array, k: Array) -> Solve:
     if not np.any(k):
         return solve
     X = solve(P)
-    inner = np.linalg.solve(np.eye(len(k)) + k[:, None] * (P.T @ X), k[:, None] * X.T)
+    k = k[:, None]
+    inner = np.linalg.solve(np.eye(len(k)) + k * (P.T @ X), k * X.T)
     return lambda b: np.asarray(solve(b) - X @ (inner @ b))
 
 

@@ -56,7 +56,8 @@ def _fillets(p: Leaf) -> tuple[float, float, float]:
     """Return neck, fillet radius, and `arctan(sqrt(1 + 4 r/t)) sqrt(t (4 r + t))`."""
     t = p.neck
     r = p.fillet
-    return t, r, math.atan(math.sqrt(1 + 4 * r / t)) * math.sqrt(t * (4 * r + t))
+    angle = math.atan(math.sqrt(1 + 4 * r / t))
+    return t, r, angle * math.sqrt(t * (4 * r + t))
 
 
 def _filleted_rotation(p: Leaf) -> float:
@@ -70,7 +71,9 @@ def _filleted_rotation(p: Leaf) -> float:
 
 def _filleted_axial(p: Leaf) -> float:
     t, r, angle = _fillets(p)
-    return (p.length - 2 * r) / t + 2 * (2 * r + t) / (t * (4 * r + t)) * angle - math.pi / 2
+    straight = (p.length - 2 * r) / t
+    ends = 2 * (2 * r + t) / (t * (4 * r + t)) * angle - math.pi / 2
+    return straight + ends
 
 
 def _parabolic(p: Parabolic) -> tuple[float, float, float, float]:

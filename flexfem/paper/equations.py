@@ -269,7 +269,8 @@ def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
 
     at = resting(frames, joints)
     W, _ = _loop_equations(at.pose, first_order(joints, at))
-    length = np.sqrt(np.mean(np.sum(frames.centres**2, axis=-1), axis=(-2, -1)))[..., None, None]
+    squares = np.sum(frames.centres**2, axis=-1)
+    length = np.sqrt(np.mean(squares, axis=(-2, -1)))[..., None, None]
     is_rotation = np.arange(DEPENDENT)[:, None] % 3 == 2
     W = W * np.where(is_rotation, length, 1.0) / np.sqrt(springs)[..., None, :]
     pivots = list[Array]()

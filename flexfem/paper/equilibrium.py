@@ -216,7 +216,10 @@ class _Unknowns(NamedTuple):
     def moved(self, step: Array) -> _Unknowns:
         """Add a step (..., r + 12)."""
         r = self.q.shape[-1]
-        return _Unknowns(self.q + step[..., :r], self.w + step[..., r:-3], self.u + step[..., -3:])
+        q = self.q + step[..., :r]
+        w = self.w + step[..., r:-3]
+        u = self.u + step[..., -3:]
+        return _Unknowns(q, w, u)
 
 
 def _equilibrium(
@@ -487,7 +490,7 @@ def joint_state(joints: Serial, q: Array, wrench: Array, force: Array) -> JointS
     J = np.zeros((joints.n, len(V)))
     pose = np.zeros((*lead, 9))
     G = np.zeros((*lead, 9, len(V)))
-    hessian = np.broadcast_to(np.eye(V.shape[1]), (*lead, V.shape[1], V.shape[1])).copy()
+    hessian = np.tile(np.eye(V.shape[1]), (*lead, 1, 1))
     for i, chain in enumerate(joints.chains):
         rows = slice(3 * i, 3 * i + 3)
         bodies = _bodies_of(chain, eta[..., chain.slots])
@@ -515,7 +518,9 @@ def _turned_work(wrench: Array, end: Array) -> Array:
 
     It is the second derivative of the work by the joint and by a unit rotation nearer the base.
     """
-    return wrench[..., 1, None] * end[..., 0, :] - wrench[..., 0, None] * end[..., 1, :]
+    along_y = wrench[..., 1, None] * end[..., 0, :]
+    along_x = wrench[..., 0, None] * end[..., 1, :]
+    return np.asarray(along_y - along_x)
 
 
 def _symmetric(terms: Array) -> Array:

@@ -237,7 +237,9 @@ def _real(A: AnyArray, B: AnyArray) -> Array:
     """
     A = A.reshape(len(A), -1)
     B = B.reshape(len(B), -1)
-    return np.block([[(A + B).real, (B - A).imag], [(A + B).imag, (A - B).real]])
+    total = A + B
+    difference = A - B
+    return np.block([[total.real, -difference.imag], [total.imag, difference.real]])
 
 
 def _split(values: AnyArray) -> Array:
@@ -250,7 +252,8 @@ def _rigid_motion_terms(boundary: Boundary) -> Array:
     By them the mean of each rigid motion acts on that motion.
     """
     z = boundary.nodes / np.max(np.abs(boundary.nodes))
-    rigid = _split(np.stack([np.ones(len(z)), 1j * np.ones(len(z)), 1j * z], axis=-1))
+    one = np.ones(len(z))
+    rigid = _split(np.stack([one, 1j * one, 1j * z], axis=-1))
     weights = np.concatenate([boundary.weights, boundary.weights]) / np.sum(boundary.weights)
     return np.asarray(rigid @ (weights[:, None] * rigid).T)
 
