@@ -173,8 +173,9 @@ class Clearance:
 def _bent(marks: Array, places: AnyArray, headings: Array, x: Array) -> AnyArray:
     """Return points (m,), complex, mm, of cubic curves through the nodes of a bent hinge.
 
-    marks : (n,), mm, positions of the nodes on the axis at rest.   places, headings : (n,),
-    complex, mm, and rad, of the nodes.   x : (m,), positions of the points at rest.
+    marks : (n,), mm, positions of the nodes on the axis at rest.
+    places, headings : (n,), complex, mm, and rad, of the nodes.
+    x : (m,), positions of the points at rest.
     """
     beam = np.clip(np.searchsorted(marks, x, side="right") - 1, 0, len(marks) - 2)
     length = np.diff(marks)[beam]

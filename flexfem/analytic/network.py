@@ -70,10 +70,10 @@ class InternalMotions(NamedTuple):
 class Topology(NamedTuple):
     """The K kept bodies, the output first, and the P paths of joints in series between them.
 
-    paths : joints of each path.   signs : (P, m), -1 where a path meets a joint's far body first,
-    zero off the path.
-    G : (3 P, 3 K), of the paths.   kept_loads : (K, bodies), loads on bodies that act on the kept
-    ones.
+    paths : joints of each path.
+    signs : (P, m), -1 where a path meets a joint's far body first, zero off the path.
+    G : (3 P, 3 K), of the paths.
+    kept_loads : (K, bodies), loads on bodies that act on the kept ones.
     joint_loads : (m, bodies), loads on bodies that joints carry in addition to the wrench of their
     path."""
 

@@ -69,8 +69,8 @@ class Placed(NamedTuple):
 class PathEnd(NamedTuple):
     """End of a path: displacement of the driven port, mm or rad, and force on it, N or N mm.
 
-    kind : `YIELD`, `BODY_YIELD`, `BUCKLING`, `CONTACT`, `STROKE` or `NO_LIMIT`.   at : the
-    equilibrium.
+    kind : `YIELD`, `BODY_YIELD`, `BUCKLING`, `CONTACT`, `STROKE` or `NO_LIMIT`.
+    at : the equilibrium.
     exponents : (2,), of the force and of the highest stress as powers of the displacement near the
     end.
     linear : (2,), force and highest stress per displacement at rest.

@@ -24,8 +24,9 @@ SMALLEST = 2.0**-10  # step towards the preload, as a share of it
 class BeamTangent(NamedTuple):
     """Tangent of beams at an equilibrium, for n unit loads on ports.
 
-    compliance : (n, n), mm and rad per N and N mm.   turned : (n,), rotation of the body of each
-    port, rad."""
+    compliance : (n, n), mm and rad per N and N mm.
+    turned : (n,), rotation of the body of each port, rad.
+    """
 
     compliance: Array
     turned: Array

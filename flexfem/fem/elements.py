@@ -370,8 +370,8 @@ def von_mises(stress: Array, ratio: float = 0.0, across: Array | float = 0.0) ->
 def highest_stress(stress: Array, loads: Array, ratio: float) -> Array:
     """Highest von Mises stress (n, m), MPa, at every height under loads (n, c) of several cases.
 
-    stress : (c, p, 2, 2) or (c, p, m, 3, 3), MPa, of the cases at p nodes.   ratio : as of
-    `von_mises`.
+    stress : (c, p, 2, 2) or (c, p, m, 3, 3), MPa, of the cases at p nodes.
+    ratio : as of `von_mises`.
     """
     parts = list[Array]()
     size = max(1, MOST_COMPONENTS // stress[0].size)

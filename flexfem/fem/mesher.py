@@ -175,8 +175,8 @@ class SolidSection(NamedTuple):
 class FoundSection(NamedTuple):
     """A solid as a plate; mm.
 
-    contours : closed loops, as of `contours_of`.   names : of all solids of the file, the largest
-    first.
+    contours : closed loops, as of `contours_of`.
+    names : of all solids of the file, the largest first.
     chosen : index of the solid in `names`, -1 when none has the name or number; then there are no
     contours.
     solid, plate : volumes, mm^3, of the solid and of the contours times the thickness.

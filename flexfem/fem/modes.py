@@ -163,8 +163,8 @@ def sector_modes(
 
     They are out of the plane with antisymmetric layers.
 
-    density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload for the pose of the
-    hub.
+    density : tonne/mm^3.
+    carried : (3, 3), mass matrix of hub and payload for the pose of the hub.
     degree : of the quadrature of the stiffness in the plane.
 
     Raises ComputationFailed as `modes` and `Structure.lower`.
@@ -199,8 +199,8 @@ def _modes_by_sector(
 def _motions_of_sectors(alike: Array, pairs: Array) -> list[Array]:
     """Return the unknowns (m, k + 2 p) of each sector in modes of unit modal mass of the whole.
 
-    alike : (m, k), of a sector in modes of harmonic 0.   pairs : (m, 2 p), real, then imaginary
-    parts of those of harmonic 1.
+    alike : (m, k), of a sector in modes of harmonic 0.
+    pairs : (m, 2 p), real, then imaginary parts of those of harmonic 1.
     """
     vector = np.split(pairs * np.sqrt(2 / SECTORS), 2, axis=1)
     single = alike / np.sqrt(SECTORS)

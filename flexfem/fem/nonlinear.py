@@ -267,8 +267,8 @@ class LargeStructure:
 class Equilibria(NamedTuple):
     """Equilibria at s loads or poses, one after the other from rest; k = 3 for a hub, or k ports.
 
-    load : (s, k), on the hub or the ports, N and N mm.   pose : (s, k), displacement of these, mm
-    and rad.
+    load : (s, k), on the hub or the ports, N and N mm.
+    pose : (s, k), displacement of these, mm and rad.
     fields : (s, n, 2), mm, displacement of every node.
     energy : (s,), N mm, stored in the material.
     compliance : (s, k, k), tangent: derivative of the pose by the load, mm and rad per N and N mm.
@@ -434,8 +434,12 @@ def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> flo
 class _Step(NamedTuple):
     """A Newton step.
 
-    state : after it.   size : root of its energy.   energy : N mm, before it.   change : largest of
-    a displacement gradient.   compliance : (k, k).   solve : inverse of the tangent.
+    state : after it.
+    size : root of its energy.
+    energy : N mm, before it.
+    change : largest of a displacement gradient.
+    compliance : (k, k).
+    solve : inverse of the tangent.
     """
 
     state: State

@@ -45,8 +45,8 @@ class Factorised:
     ports : (size, k), unit loads on the unknowns: of the three directions of the hub, of stacks, or
     of contacts.
     sectors : of a plate around a rigid hub that is given by them; one represents three.
-    regions : nodes of each region whose stress is needed.   ratio : of stresses in the plane, see
-    `von_mises`.
+    regions : nodes of each region whose stress is needed.
+    ratio : of stresses in the plane, see `von_mises`.
     bodies : nodes of each moving body whose stress is needed.
     """
 
@@ -159,8 +159,8 @@ class Factorised:
 class _Balanced(NamedTuple):
     """Sums of a solution over the whole.
 
-    reactions : (c, pads, 3), N and N mm.   energy, work : (c, c), N mm, of the strain and the
-    loads.
+    reactions : (c, pads, 3), N and N mm.
+    energy, work : (c, c), N mm, of the strain and the loads.
     """
 
     reactions: Array
@@ -258,8 +258,9 @@ class Response:
         less the free expansion.
     pads : (c, pads, 3), force and moment of the ground on each pad of the whole, about the origin,
     N and N mm.
-    energy : (c, c), N mm, `u_i' K u_j` of the whole.   sectors, regions, ratio, bodies : as of
-    `Factorised`."""
+    energy : (c, c), N mm, `u_i' K u_j` of the whole.
+    sectors, regions, ratio, bodies : as of `Factorised`.
+    """
 
     structure: Structure
     motions: Array

@@ -241,8 +241,8 @@ def structure(
 
     held : clamped nodes of a structure without hub; None clamps the edges on the ground and ties
     those on the hub.
-    last : free nodes that are numbered last.   sections : nodes of each part that moves as a rigid
-    body, with `held`.
+    last : free nodes that are numbered last.
+    sections : nodes of each part that moves as a rigid body, with `held`.
     """
     body = np.full(len(mesh.nodes), -1)
     for number, nodes in enumerate([nodes_on(mesh, "hub")] if held is None else sections):

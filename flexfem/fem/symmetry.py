@@ -28,8 +28,9 @@ class Space(NamedTuple):
 
     expand : coordinates (size, k) -> unknowns (m, k), or (m, 2 k) if complex: real parts, then
     imaginary parts.
-    project : its transpose, from loads on the unknowns.   solve : inverse of the stiffness of the
-    coordinates."""
+    project : its transpose, from loads on the unknowns.
+    solve : inverse of the stiffness of the coordinates.
+    """
 
     size: int
     dtype: type

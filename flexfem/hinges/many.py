@@ -95,8 +95,8 @@ def _integrals(profile: Profile) -> tuple[Array, Array]:
 def highest_stress(profile: Profile, wrenches: Array, out_of_plane: Any = 0.0) -> Array:
     """Return the highest von Mises stress (n, c), MPa times mm of thickness, of n designs.
 
-    wrenches : (n, c, 3), on the far end at the centre, N and N mm.   out_of_plane : as in
-    `Profile.stress`, a number or (n,).
+    wrenches : (n, c, 3), on the far end at the centre, N and N mm.
+    out_of_plane : as in `Profile.stress`, a number or (n,).
     """
     names = varying(profile)
     count = len(wrenches)

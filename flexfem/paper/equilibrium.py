@@ -42,8 +42,8 @@ NO_STACKS = np.zeros(0)  # their forces or stiffnesses
 class ChainStack(NamedTuple):
     """One stack as part of its chain, which has k joints.
 
-    number : its index among the stacks.   pivot, direction : mm, and a unit vector, complex, at
-    rest.
+    number : its index among the stacks.
+    pivot, direction : mm, and a unit vector, complex, at rest.
     near, far : (k,), share of the force on the body nearer the base, and on the other one, that
     acts distal to a joint.
     on_far : whether the pivot is fixed to the far body and the direction to the near one, or vice
@@ -88,13 +88,13 @@ class Serial(NamedTuple):
 class Equilibrium(NamedTuple):
     """A stage in equilibrium with a load on the platform and its stacks, if any; r unknowns.
 
-    pose : (..., 3), mm and rad, relative to the unloaded stage.   load : (..., 3), on the platform,
-    N and N mm.
+    pose : (..., 3), mm and rad, relative to the unloaded stage.
+    load : (..., 3), on the platform, N and N mm.
     displacement : (..., r), in the unknowns of `Serial`; of the joints, rad and mm, from
     `under_load` and `at_pose`.
     hessian : (..., r, r), second derivatives of the energy and the potential of the loads.
-    G : (..., 9, r), derivative of the poses of the chains.   J : (n, r), derivative of the
-    openings. nan for a design whose loops are singular at rest.
+    G : (..., 9, r), derivative of the poses of the chains.
+    J : (n, r), derivative of the openings. nan for a design whose loops are singular at rest.
     """
 
     pose: Array
@@ -205,8 +205,9 @@ def _serial_of(model: PaperModel) -> Serial:
 class _Unknowns(NamedTuple):
     """Unknowns of the equilibrium.
 
-    q : (..., r), joint displacements of unit stiffness.   w : (..., 9), wrenches at the ends of the
-    chains.   u : (..., 3), the pose.
+    q : (..., r), joint displacements of unit stiffness.
+    w : (..., 9), wrenches at the ends of the chains.
+    u : (..., 3), the pose.
     """
 
     q: Array
@@ -306,8 +307,8 @@ def _largest_rotation(joints: Serial, change: Array) -> Array:
 class JointState(NamedTuple):
     """Chains at joint displacements, in the r unknowns of `Serial`.
 
-    pose : (..., 9), of their ends, mm and rad.   G : (..., 9, r), J : (n, r), derivatives of the
-    poses and openings.
+    pose : (..., 9), of their ends, mm and rad.
+    G : (..., 9, r), J : (n, r), derivatives of the poses and openings.
     hessian : (..., r, r), unit stiffness less second derivatives times wrenches and forces, as in
     (16)."""
 
