@@ -41,7 +41,7 @@ class FiniteResponse(NamedTuple):
     """Equilibria under s loads.
 
     motions : (s, k), displacements and rotations of the ports, mm and rad; of an actuator along its
-    line at rest.
+        line at rest.
     compliance : (s, k, k), tangent compliance between the ports.
     stable : (s,), whether the equilibrium is stable under dead loads.
     loads : (s, k), on the ports, N and N mm.
@@ -478,7 +478,8 @@ def buckling_factors(layout: Layout, loads: Array, held: Sequence[Sequence[int]]
     """Return the least positive multiples (s,) of loads (s, k) that buckle it; infinite if none.
 
     held : (s), ports whose displacements stay zero under each load, so that they cannot take part
-    in buckling. Raises ComputationFailed when a body can move without load."""
+        in buckling. Raises ComputationFailed when a body can move without load.
+    """
     plate = FinitePlate(layout)
     pairs = zip(np.asarray(loads, dtype=float), held, strict=True)
     return np.array([load_factors(plate, load, ports, 1)[0] for load, ports in pairs])

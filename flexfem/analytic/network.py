@@ -41,12 +41,11 @@ class Network(NamedTuple):
     bodies : number of moving bodies.   output : the body whose stiffness is computed.
     joints : near and far body of each of the m joints; `GROUND` for the ground.
     compliance : (..., m, 3, 3), motion of the far body relative to the near one per wrench in the
-    joint.
+        joint.
     coupled : c joints of elastic bodies, body by body; a joint between two such bodies is listed
-    twice.
+        twice.
     coupling : (..., 3 c, 3 c), compliance of these bodies at their joints, added to that of the
-    joints; None where all
-        bodies are rigid.
+        joints; None where all bodies are rigid.
     """
 
     bodies: int
@@ -75,7 +74,8 @@ class Topology(NamedTuple):
     G : (3 P, 3 K), of the paths.
     kept_loads : (K, bodies), loads on bodies that act on the kept ones.
     joint_loads : (m, bodies), loads on bodies that joints carry in addition to the wrench of their
-    path."""
+        path.
+    """
 
     kept: tuple[int, ...]
     paths: tuple[tuple[int, ...], ...]
@@ -97,7 +97,8 @@ class MotionUnderLoads(NamedTuple):
 
     output : (..., 3, k), twist of the output.   wrenches : (..., m, 3, k), in the joints.
     motions : (..., k, k), displacements conjugate to the loads (rows) under the loads and openings
-    (columns)."""
+        (columns).
+    """
 
     output: Array
     wrenches: Array

@@ -47,9 +47,9 @@ class PathPoint(NamedTuple):
     unknowns : (size,), of `FinitePlate`.
     forces : (k,), on the ports, N and N mm.   motions : (k,), of the ports, mm and rad.
     stress : (h,), highest von Mises stress of every hinge, MPa; in plane stress while it is far
-    from yield.
+        from yield.
     softest : least eigenvalue of the tangent stiffness of the motions that are not prescribed;
-    negative if unstable.
+        negative if unstable.
     """
 
     unknowns: Array
@@ -72,7 +72,7 @@ class PathEnd(NamedTuple):
     kind : `YIELD`, `BODY_YIELD`, `BUCKLING`, `CONTACT`, `STROKE` or `NO_LIMIT`.
     at : the equilibrium.
     exponents : (2,), of the force and of the highest stress as powers of the displacement near the
-    end.
+        end.
     linear : (2,), force and highest stress per displacement at rest.
     parts : what touches or drives, and where; empty for the other kinds.
     touching : numbers of the two parts.
@@ -93,7 +93,7 @@ class PathLimits(NamedTuple):
 
     rest : the equilibrium at rest.   port : the driven one.
     body_stress : highest stress of bodies per force on it, MPa per N or N mm, zero if it is not
-    known.
+        known.
     contact : whether parts touch near the end.
     """
 
@@ -299,7 +299,7 @@ class DrivenPlate(FinitePlate):
 
         port : the driven one.   held : ports whose motions stay zero.
         scale : its displacement, mm or rad, with a sign, at which linear theory expects a hinge to
-        yield.
+            yield.
         body_stress : as of `PathLimits`.
         """
         path = _Path(self, [port, *held])

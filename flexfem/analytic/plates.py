@@ -40,11 +40,10 @@ class NetworkResponse(NamedTuple):
     """Response to unit loads on k ports, of designs (...) with different hinges.
 
     compliance : (..., k, k), displacements of ports (rows), mm or rad per N or N mm; further
-    columns are other cases.
+        columns are other cases.
     wrenches : (..., h, 3, k), tension N, transverse force V and moment M at the centre of each
-    hinge, in its axes, on
-        its end at the second body. The tension of a section is N; its moment, at x from the centre,
-        is `M - x V`.
+        hinge, in its axes, on its end at the second body. The tension of a section is N; its
+        moment, at x from the centre, is `M - x V`.
     """
 
     compliance: Array
@@ -123,7 +122,7 @@ class _HingeFrames(NamedTuple):
 
     origin : complex, mm.
     from_axes : (h, 3, 3), from motions at the centre of a hinge, in its axes, to twists at the
-    origin.
+        origin.
     """
 
     origin: complex
@@ -233,7 +232,7 @@ def respond(
     bodies : the elastic ones; others are rigid.
     ports : by default those of the layout.
     hinges : (..., h, 3, 3), compliances at their centres in their axes, of several designs; by
-    default `hinge_compliances`.
+        default `hinge_compliances`.
     openings : (h, 3, c), of the hinges at their centres in their axes.
 
     Raises ComputationFailed for bodies that can move without load or for far stiffer hinges than

@@ -40,7 +40,8 @@ class Applied(NamedTuple):
     """Dead loads (k,) on the ports, N and N mm, and strokes (k,) of the actuators at ports, mm.
 
     springs : (k,), stiffness of the actuators, N/mm; zero at ports without one, infinite if it
-    holds its opening."""
+        holds its opening.
+    """
 
     loads: Array
     strokes: Array

@@ -155,7 +155,7 @@ def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
     """Return the arm, mm, from the centroid of a contact to its point.
 
     along_x, along_y, moment : (n, 2), nodal forces of `contact_forces`. A force at the point is one
-    at the centroid with a moment.
+        at the centroid with a moment.
     """
     x, y = moment.T
     along = along_y[:, 0] @ x / (x @ x)

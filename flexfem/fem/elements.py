@@ -386,9 +386,9 @@ class Pairs(NamedTuple):
     """Pairs of nodes that share a triangle, row >= column, as a sparse pattern by rows.
 
     columns, starts : (p,) and (n + 1,), of the pattern, columns ascending: the last of a row is its
-    diagonal.
+        diagonal.
     chosen : (e, 6, 6), marks the blocks of the triangles, in the order of the batches, that belong
-    to a pair.
+        to a pair.
     number : (chosen,), pair of each of these blocks.
     """
 
@@ -404,9 +404,8 @@ def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_arr
     The unknowns are `Layers.free_components` of every node.
 
     blocks : (e, 6, 6, l, d, d), of the triangles in their order, coefficients of the matrices (l,
-    m, m) of the line:
-        `int psi_k psi_l dz`, and for layers also those of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k
-        psi_l`.
+        m, m) of the line: `int psi_k psi_l dz`, and for layers also those of `psi'_k psi'_l`,
+        `psi_k psi'_l`, `psi'_k psi_l`.
     """
     matrices = _line_matrices(line)
     plane = _summed_blocks(pairs, blocks, len(matrices) * line.axes**2)

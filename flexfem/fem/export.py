@@ -214,7 +214,7 @@ def write_vtu(
     """Write a mesh with nodal fields (n, ...) as a VTK grid; 1 marks the nodes of `GROUPS`.
 
     heights : (m,), mm, node heights of layers of 18-node wedges, ends and middles; fields are then
-    (n, m, ...).
+        (n, m, ...).
     """
     import meshio
 

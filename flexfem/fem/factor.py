@@ -160,7 +160,7 @@ class Condensed(NamedTuple):
 
     schur : (b, b), Schur complement `S = K_bb - K_bi K_ii^-1 K_ib`.
     reduced : loads (m, k) -> intermediate solution (m, k) for `expanded`, and condensed loads (b,
-    k) on the boundary.
+        k) on the boundary.
     expanded : intermediate solution (m, k), boundary unknowns (b, k) -> all unknowns (m, k).
     """
 

@@ -110,7 +110,7 @@ class StageMesh(NamedTuple):
     triangles : (m, 6), corners counter-clockwise, then the middles of the sides 01, 12, 20.
     bodies : (m,), number of the body or hinge of each triangle.
     edges : {label: (k, 3)} ends then middle of the edges on `ground` or `clamped` (held), `hub`
-    (rigid), and the narrowest section of every hinge.
+        (rigid), and the narrowest section of every hinge.
     """
 
     nodes: Array
@@ -255,9 +255,9 @@ class Sector(NamedTuple):
     """Mesh of one of three sectors of a plate around a rigid hub, in the frame of the first sector.
 
     mesh : with edges on `ground`, `hub`, `cut ahead`, `cut behind` and, for each hinge, `neck base`
-    etc.
+        etc.
     behind, ahead : (k,), nodes on the cuts by radius, except the hub's; ahead is behind rotated by
-    120 degrees.
+        120 degrees.
     """
 
     mesh: StageMesh

@@ -120,8 +120,7 @@ class Line(NamedTuple):
     It is inside or on the boundary of the union of regions.
 
     region : index of the region at it: of both sides, or of the side that no line before belongs
-    to; None for a line
-        through regions that other lines belong to.
+        to; None for a line through regions that other lines belong to.
     """
 
     label: str
@@ -134,8 +133,7 @@ class PlateMesh(NamedTuple):
 
     largest : triangle size, mm, in each region, far from the points of `gradings`.
     moves : rotations, or a mirror image, that take faces and curves into each other; the mesh of
-    one is moved to the
-        others.
+        one is moved to the others.
     algorithm : of gmsh, 6 for Frontal-Delaunay, 5 for Delaunay.
     """
 
@@ -178,10 +176,10 @@ class FoundSection(NamedTuple):
     contours : closed loops, as of `contours_of`.
     names : of all solids of the file, the largest first.
     chosen : index of the solid in `names`, -1 when none has the name or number; then there are no
-    contours.
+        contours.
     solid, plate : volumes, mm^3, of the solid and of the contours times the thickness.
     other : by kind, number and total area, mm^2, of faces that are not perpendicular to the plate
-    and not on its sides.
+        and not on its sides.
     exact : whether every curve is a line or a circular arc.
     """
 

@@ -55,9 +55,9 @@ class Modes(NamedTuple):
 
     shapes : (size, k), unknowns of the whole.
     participation : (k, 3), factors of base motions along the pose: squares are the effective modal
-    masses.
+        masses.
     total : (3, 3), tonne, tonne mm, tonne mm^2, mass matrix of the whole as one rigid body, with
-    clamped faces.
+        clamped faces.
     structure : the whole.
     """
 

@@ -97,7 +97,7 @@ class State(NamedTuple):
 
     pose : (3,), of the hub.   field : (n, 2), mm.
     stress : second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of each batch; before convergence it
-    differs from that of the displacements.
+        differs from that of the displacements.
     load : (k,), N and N mm.
     turn : (c,), rad, of every contact; it continues beyond half a turn.
     """
@@ -273,7 +273,8 @@ class Equilibria(NamedTuple):
     energy : (s,), N mm, stored in the material.
     compliance : (s, k, k), tangent: derivative of the pose by the load, mm and rad per N and N mm.
     strain : (s,), largest magnitude of a Green-Lagrange strain component; the material law assumes
-    it small."""
+        it small.
+    """
 
     load: Array
     pose: Array
@@ -543,7 +544,7 @@ def _step(
     """Take a Newton step towards a goal.
 
     goal : a load (k,), or weighted sums (p,) of motions and loads of held ports, whose load is
-    found.
+        found.
     """
     internal = model.internal(state)
     loads = model.loads(state)

@@ -46,7 +46,8 @@ def plate_of_layout(
     """Return the plate of the plane problem, or with layers the material itself.
 
     mesh : with the parts of the layout, for elastic constants of its triangles; needed if these
-    differ."""
+        differ.
+    """
     if layout.mixed and mesh is not None:
         constants = [[*one[:2], one.out_of_plane] for one in layout.materials]
         E, nu, ratio = np.array(constants)[mesh.bodies].T
@@ -221,7 +222,7 @@ class PlateModel(Factorised):
 
     layout : the mechanism.   mesh : the whole, whose nodes are those of `structure`.
     port_forces : nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes
-    included.
+        included.
     """
 
     layout: Layout = field(kw_only=True)
@@ -372,7 +373,7 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
     Parameters
     ----------
     mesh : of the layout: `bodies` are those of the layout, then its hinges; held are fixed bodies
-    and edges `clamped`.
+        and edges `clamped`.
     layers : through the thickness, for three dimensions.
 
     Raises ComputationFailed as `plate_model`, `contact_forces`, and when forces or energy do not

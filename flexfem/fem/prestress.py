@@ -36,9 +36,10 @@ class Prestress(NamedTuple):
 
     matrix : (n m, n m), N/mm, for every axis of the displacements of the nodes.
     level : MPa, stress of the most stressed parts, by its fourth and second powers; a singular
-    corner adds little.
+        corner adds little.
     at, carried : (size, r) and (r, r), loads of motions of contacts, and the change of the
-    stiffness of these motions."""
+        stiffness of these motions.
+    """
 
     structure: Structure
     matrix: sp.csr_array

@@ -43,7 +43,7 @@ class Factorised:
 
     spaces : that of the whole, or those of harmonics 0 and 1 of the sector.
     ports : (size, k), unit loads on the unknowns: of the three directions of the hub, of stacks, or
-    of contacts.
+        of contacts.
     sectors : of a plate around a rigid hub that is given by them; one represents three.
     regions : nodes of each region whose stress is needed.
     ratio : of stresses in the plane, see `von_mises`.
@@ -88,7 +88,7 @@ class Factorised:
         """Solve and refine until forces and energy balance.
 
         loads : (size, c), on the unknowns, a third of those of the whole if `cyclic`; None for unit
-        loads on the ports.
+            loads on the ports.
         prescribed : (c, n, ...), displacements of clamped nodes, zero elsewhere, instead of loads.
 
         Raises ComputationFailed when they do not balance.
@@ -254,10 +254,9 @@ class Response:
 
     motions : (k, c), of the ports in every case, mm and rad.
     nodal : (c, n, ...), displacements, mm, of the nodes of `structure`, which may be a sector in
-    the frame of chain 1;
-        less the free expansion.
+        the frame of chain 1; less the free expansion.
     pads : (c, pads, 3), force and moment of the ground on each pad of the whole, about the origin,
-    N and N mm.
+        N and N mm.
     energy : (c, c), N mm, `u_i' K u_j` of the whole.
     sectors, regions, ratio, bodies : as of `Factorised`.
     """

@@ -48,10 +48,10 @@ class Structure:
     The unknowns are those of the free nodes, node by node, then the pose (3) of the hub.
 
     layers : None for a plane structure, with fields (k, n, 2); an extruded one has fields (k, n, m,
-    3) at m heights.
+        3) at m heights.
     degree : of the quadrature in the plane.
     free, hub : free nodes of the plane (f,), and those of rigid bodies (h,); all others are
-    clamped.
+        clamped.
     body : (h,), number of the rigid body of each of these, the hub or one of several sections.
     """
 
@@ -240,7 +240,7 @@ def structure(
     degree : of the quadrature in the plane.
 
     held : clamped nodes of a structure without hub; None clamps the edges on the ground and ties
-    those on the hub.
+        those on the hub.
     last : free nodes that are numbered last.
     sections : nodes of each part that moves as a rigid body, with `held`.
     """

@@ -27,7 +27,7 @@ class Space(NamedTuple):
     """A space of motions, described by `size` coordinates of a real or complex `dtype`.
 
     expand : coordinates (size, k) -> unknowns (m, k), or (m, 2 k) if complex: real parts, then
-    imaginary parts.
+        imaginary parts.
     project : its transpose, from loads on the unknowns.
     solve : inverse of the stiffness of the coordinates.
     """
@@ -54,7 +54,8 @@ def harmonic_spaces(sector: Structure, nodes: int) -> tuple[Space, Space]:
     Its unknowns are ordered interior, cut behind, cut ahead, pose.
 
     nodes : number of nodes of a cut in the plane. Raises ComputationFailed as `Structure.lower`, or
-    when a part is not held."""
+        when a part is not held.
+    """
     condensed = condense(sector.lower(), 2 * nodes * sector.block + 3, sector.order(2 * nodes))
     alike = _harmonic_space(sector, condensed, nodes, 0)
     return alike, _harmonic_space(sector, condensed, nodes, 1)

@@ -36,12 +36,11 @@ class ThickHinge(NamedTuple):
     Compliances are those of `Profile.compliance`.
 
     change : (3, 3), of the compliance at the centre of the hinge, in its axes, with ends that keep
-    their thickness.
+        their thickness.
     coarser : (3, 3), the same with few layers.
     loose : (3, 3), the same as `change` with ends that are free to contract along z.
     plane : (p, 3, 3), squares of the von Mises stress, MPa^2, in plane stress at p nodes of the
-    hinge: quadratic forms
-        of the loads N, V, M at its centre.
+        hinge: quadratic forms of the loads N, V, M at its centre.
     solid : (p m, 3, 3), the same in three dimensions at m heights.
     """
 

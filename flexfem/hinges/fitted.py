@@ -84,7 +84,7 @@ def fitted(
     """Return the fit of a function to a relative accuracy, None where worse than `coarsest`.
 
     points_of : returns k variables (m, k) of a number of points, perhaps without some of them. More
-    points begin with the same ones.
+        points begin with the same ones.
     function : returns values (f,) of variables (k,).
     """
     variables = points_of(1).shape[1]

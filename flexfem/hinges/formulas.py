@@ -252,7 +252,7 @@ def register_formula(
     source : origin of the formula, one line.
     valid : smallest and largest t/R for which it is valid; outside, results carry a warning.
     axial, bending : likewise `E b dx/F_x` and the bending part of `E b dy/F_y`; None takes that of
-    Paros and Weisbord.
+        Paros and Weisbord.
 
     Raises
     ------

@@ -112,7 +112,7 @@ def contraction(ratio: ArrayLike) -> Array:
     """Return the share (...) by which ends contract along z, 0 for rigid and 1 for free ones.
 
     ratio : (...), thickness of the plate over the height of the ends, where the hinge meets its
-    bodies.
+        bodies.
 
     Notes
     -----
@@ -194,7 +194,7 @@ def _in_plane_terms(
     """Terms of the stretching or bending of a plate.
 
     first, second : numbers of the fields, displacements or rotations, along the axis, which are
-    even across the width, and across it, which are odd.
+        even across the width, and across it, which are odd.
     """
     means = _across(len(first))
     scale = 2 / thickness

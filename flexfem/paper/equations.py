@@ -125,7 +125,7 @@ class Configuration(NamedTuple):
 
     pose : (..., 3 chains, 3), displacement (x, y, Phi) of the platform from rest, mm and rad.
     pivots : (..., 3 chains, 3 hinges, 2), neck centre of each hinge as a point of its base-side
-    body, mm.
+        body, mm.
     axes : (..., 3 chains, 3 hinges), rad, direction of each neck.
     """
 
@@ -214,7 +214,7 @@ class Influence(NamedTuple):
 
     pose : (..., 3), platform displacement from rest by chain 1, mm and rad.
     gap : (..., 6), pose by chain 1 minus that by chain 2, then minus that by chain 3: zero when the
-    loops are closed.
+        loops are closed.
     A_inverse : (..., 6, 6).
     G_p : (..., 6, M), phi_p' = G_p phi_a' (7).
     G_a : (..., N, M), phi' = G_a phi_a' of all joints in joint order (8).
@@ -382,7 +382,7 @@ class JointStiffness(NamedTuple):
 
     K_aa, C_aa : (..., M, M), stiffness of the independent joints (16) and its inverse.
     C_uu, K_uu : (..., 3, 3), compliance (17) and stiffness (18) of the platform in x, y, Phi: mm,
-    N, rad.
+        N, rad.
     influence : the influence coefficients of the configuration.
     """
 

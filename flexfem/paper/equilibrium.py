@@ -45,9 +45,9 @@ class ChainStack(NamedTuple):
     number : its index among the stacks.
     pivot, direction : mm, and a unit vector, complex, at rest.
     near, far : (k,), share of the force on the body nearer the base, and on the other one, that
-    acts distal to a joint.
+        acts distal to a joint.
     on_far : whether the pivot is fixed to the far body and the direction to the near one, or vice
-    versa.
+        versa.
     sign : 1 where the far body is the actuated one, else -1.
     """
 
@@ -65,7 +65,8 @@ class ChainJoints(NamedTuple):
 
     slots : (k,), their indices in the stage.
     v, rotation : (..., k), complex and real, twist of the platform centre at rest; leading axes are
-    designs."""
+        designs.
+    """
 
     slots: Index
     v: AnyArray
@@ -77,8 +78,9 @@ class Serial(NamedTuple):
     """A stage of elastic joints with n stacks.
 
     basis : (size, r), motions of the joints in r unknowns. Every hinge and the platform have their
-    own; pieces of links share those of a loaded chain or stack, which neglects terms of second
-    order in the forces over their stiffness."""
+        own; pieces of links share those of a loaded chain or stack, which neglects terms of second
+        order in the forces over their stiffness.
+    """
 
     n: int
     chains: tuple[ChainJoints, ...]
@@ -91,7 +93,7 @@ class Equilibrium(NamedTuple):
     pose : (..., 3), mm and rad, relative to the unloaded stage.
     load : (..., 3), on the platform, N and N mm.
     displacement : (..., r), in the unknowns of `Serial`; of the joints, rad and mm, from
-    `under_load` and `at_pose`.
+        `under_load` and `at_pose`.
     hessian : (..., r, r), second derivatives of the energy and the potential of the loads.
     G : (..., 9, r), derivative of the poses of the chains.
     J : (n, r), derivative of the openings. nan for a design whose loops are singular at rest.
@@ -310,7 +312,8 @@ class JointState(NamedTuple):
     pose : (..., 9), of their ends, mm and rad.
     G : (..., 9, r), J : (n, r), derivatives of the poses and openings.
     hessian : (..., r, r), unit stiffness less second derivatives times wrenches and forces, as in
-    (16)."""
+        (16).
+    """
 
     pose: Array
     G: Array
@@ -535,7 +538,7 @@ class _OpeningDerivatives(NamedTuple):
 
     first : (k,).
     proximal, distal : (k,), for the proximal and the distal joint; their products are the second
-    derivatives.
+        derivatives.
     """
 
     first: Array
@@ -573,7 +576,7 @@ class LinearErrors(NamedTuple):
     """Relative errors (...) of the linear theory, the largest over a box of poses.
 
     position : distance of the linear from the exact position; rotations are multiplied by the
-    lever.
+        lever.
     terms : change of the diagonal of the tangent compliance by the second-order terms.
     """
 
@@ -618,8 +621,9 @@ def linear_errors(model: PaperModel, amplitude: Array, lever: ArrayLike) -> Line
     They are taken at its corners and the middles of edges and faces.
 
     amplitude : (3,), mm and rad.
-    model : with leading axes (...) of designs, or none.   lever : (...), mm.   Raises
-    ComputationFailed as `at_pose`."""
+    model : with leading axes (...) of designs, or none.
+    lever : (...), mm.   Raises ComputationFailed as `at_pose`.
+    """
     arm = np.asarray(lever, dtype=float)
     places = [place for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)]
     poses = amplitude * (np.array(places) - 1.0)

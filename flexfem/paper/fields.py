@@ -80,7 +80,7 @@ def notch_fields(
     """Yield chain and hinge of every notch, from 0, and the stress, MPa, at its nodes.
 
     loads : (k, 3). The stress is (k, p, 2, 2); with layers (k, p, m, 3, 3). Its axes are those of
-    chain 1 if one sector represents all.
+        chain 1 if one sector represents all.
     """
     for number, (rotation, stress) in enumerate(_notches(stage, response, loads)):
         yield divmod(number, 3), np.tensordot(rotation, stress, axes=1)

@@ -86,10 +86,10 @@ def displacements(
     Parameters
     ----------
     boundary : one of `copies` identical parts, rotated about the origin by equal angles, that
-    together bound the body.
+        together bound the body.
     tractions : (n, k), complex, of the nodes of the first copy; ignored at fixed nodes.
     fixed : (n,), nodes that do not move. A body without any must be one copy in equilibrium; its
-    mean motion is zero.
+        mean motion is zero.
 
     Notes
     -----

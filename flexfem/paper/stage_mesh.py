@@ -57,7 +57,7 @@ def mesh_sectors(
     Parameters
     ----------
     resolution : least number of triangles across every neck, or one per chain; the finest applies
-    to the cuts.
+        to the cuts.
     time_limit : s, for gmsh on all sectors.
 
     Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh fails its
