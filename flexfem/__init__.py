@@ -40,6 +40,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.mechanism.mechanism_file import Mechanism as Mechanism
     from flexfem.mechanism.mechanism_file import MechanismFile as MechanismFile
     from flexfem.page.report import report as report
+    from flexfem.page.show import show as show
     from flexfem.page.stored import plot_results as plot_results
     from flexfem.paper.actuators import Actuator as Actuator
     from flexfem.paper.experiment import experiment as experiment
@@ -142,6 +143,7 @@ OTHERS = {  # module of names that scripts may use, too; documented in their mod
     "fit_basquin": "hinges.strength",
     "Actuator": "paper.actuators",
     "serve": "live.server",
+    "show": "page.show",
     "materials": "mechanism.materials",
     "register_material": "mechanism.materials",
     "plot_results": "page.stored",

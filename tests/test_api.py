@@ -265,7 +265,9 @@ def test_a_result_has_labelled_arrays_and_is_read_back_as_it_was_written(stage, 
     np.testing.assert_allclose(K @ found.at("compliance", model="analytic"), np.eye(3), atol=DENSE)
     read = type(found).read(found.write(tmp_path / "found.json"))
     np.testing.assert_allclose(read.at("stiffness", model="analytic"), K, rtol=1e-12)
-    assert read.about.hash == stage.hash and len(read.to_frame(long=True)) == len(list(found.entries()))
+    assert read.about.hash == stage.hash and len(read.to_frame(long=True)) == len(
+        list(found.entries())
+    )
     with pytest.raises(flexfem.BadInput, match="direction 'z', expected one of: x, y, theta"):
         found.at("stiffness", direction="z")
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Self
 
 from flexfem.arrays import LONGEST
 from flexfem.files.refusals import checked_path, place_of
+from flexfem.lazy import named
 from flexfem.refused import BadInput
 from flexfem.results.declare import Declared, Quantity
 from flexfem.results.frames import long_frame, wide_frame
@@ -163,7 +164,9 @@ class Result(Declared):
         return markdown(self)
 
     def _repr_html_(self) -> str:
-        return html(self)
+        """Return the tables and the figure for a notebook, which alone loads what draws it."""
+        drawn = named("plot.inline.inline_figure")(self) if self.figure else ""
+        return f"{html(self)}{drawn}"
 
     def to_frame(self, *quantities: str, long: bool = False) -> Any:
         """Return numbers as a pandas DataFrame, with a row for each model, case or mode.
