@@ -106,6 +106,8 @@ def test_on_paper_and_without_scripts_the_drawing_that_is_still_remains(written,
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
     assert browser.execute_script(shown) == "none"
     assert browser.execute_script(still) == "block"
+    opening = "return getComputedStyle(document.querySelector('.beside')).display"
+    assert browser.execute_script(opening) == "block"  # a page may end within it
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "screen"})
     browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
     browser.get(written.as_uri())

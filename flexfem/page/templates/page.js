@@ -7,7 +7,14 @@
     if (matchMedia("(prefers-reduced-motion: reduce)").matches) svg.pauseAnimations();
     svg.addEventListener("click", () => (svg.animationsPaused() ? svg.unpauseAnimations() : svg.pauseAnimations()));
   }
-  addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((part) => { part.open = true; }));
+  // on paper everything is open, and what moves is at the end of its motion, after half of two seconds
+  addEventListener("beforeprint", () => {
+    document.querySelectorAll("details").forEach((part) => { part.open = true; });
+    for (const svg of document.querySelectorAll("svg.moving")) {
+      svg.pauseAnimations();
+      svg.setCurrentTime(1);
+    }
+  });
 
   // a button in every heading sorts the rows of its table by its column
   const number = /^[^\d+\-\u2212]*([+\-\u2212]?\d[\d,]*\.?\d*)(?:(?:e|\u00d710)([+\-\u2212\u207b]?[\d\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+))?/i;
