@@ -20,7 +20,7 @@ from flexfem.commands.catalogue import COMMANDS
 from flexfem.commands.console import print_tables
 from flexfem.paper.case import LoadedCase
 from flexfem.paper.stage import load_feasible
-from flexfem.results import TextTable
+from flexfem.results import Result, TextTable
 
 from .conftest import COMMAND_OF
 from .tolerances import SOLVED
@@ -130,14 +130,11 @@ def test_an_output_that_names_a_file_is_that_picture_or_refused_as_a_folder(
     assert (tmp_path / "picture.png").read_bytes()[:4] == b"\x89PNG"
     for arguments in (
         ["view", guide, "-o", "k.csv"],
-        ["stiffness", guide, "--models", "analytic", "-o", "k.csv"],
-        ["summary", guide, "-o", "new/k.json"],
         ["study", "run", ROOT / "cases/study-reach.toml", "-o", "k.csv"],
-        ["verify", guide, "-o", "k.json"],
         ["formulas", "-o", "k.pdf"],
     ):
         code, out, err = flexfem(*arguments)
-        (name,) = {"k.csv", "new/k.json", "k.json", "k.pdf"} & set(arguments)
+        (name,) = {"k.csv", "k.pdf"} & set(arguments)
         said = (
             "the name of a file, expected the name of a folder: the files in it are named after "
             "the input"
@@ -145,6 +142,42 @@ def test_an_output_that_names_a_file_is_that_picture_or_refused_as_a_folder(
         assert (code, out, err) == (2, "", f"flexfem: {name}: {said}\n")
     assert {each.name for each in tmp_path.iterdir() if each.is_file()} == {"picture.png"}
     assert not any(each.suffix for each in tmp_path.iterdir() if each.is_dir())
+
+
+def test_an_output_with_an_ending_is_that_file_of_the_result(flexfem, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    asked = ["stiffness", ROOT / "geometry/parallelogram.toml", "--models", "analytic", "-o"]
+    for ending in ("csv", "json", "html"):
+        assert flexfem(*asked, f"k.{ending}")[0] == 0
+    head, *rows = (tmp_path / "k.csv").read_text().splitlines()
+    columns = head.split(",")
+    assert (columns[0], columns[-3:]) == ("quantity", ["value", "band", "unit"])
+    found = Result.read(tmp_path / "k.json")
+    (cell,) = [
+        row.split(",")
+        for row in rows
+        if row.startswith("stiffness,") and row.split(",")[1:3] == ["x", "theta"]
+    ]
+    assert float(cell[-3]) == pytest.approx(found.at("stiffness", component="x")[0, 2], rel=1e-11)
+    assert cell[-1] == "N" and cell[-2] == ""
+    assert "other directions free" in (tmp_path / "k.html").read_text()
+    assert sorted(tmp_path.glob("k*")) == [tmp_path / f"k.{e}" for e in ("csv", "html", "json")]
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (["reach", "-o", "k.vtu"], "k.vtu: no field of finite elements of reach of the drive, "),
+        (["stiffness", "--models", "analytic", "-o", "k.png"], "k.png: this result has no figure, "),
+        (["stiffness", "-o", "no/k.csv"], "no/k.csv: no folder no, expected an existing folder"),
+    ],
+)
+def test_a_file_that_a_result_cannot_give_is_refused(flexfem, tmp_path, monkeypatch, asked, said):
+    monkeypatch.chdir(tmp_path)
+    command, *options = asked
+    code, _, err = flexfem(command, ROOT / "geometry/xy-stage.toml", *options)
+    assert code == 2 and err.startswith(f"flexfem: {said}") and err.count("\n") == 1
+    assert not any(tmp_path.glob("k*"))
 
 
 @pytest.mark.filterwarnings("default:the font of figures")

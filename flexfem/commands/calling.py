@@ -8,16 +8,17 @@ import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from types import UnionType
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import flexfem
 from flexfem import terminal
 from flexfem.commands.catalogue import STUDY
 from flexfem.commands.options import MEASURED, PYTHON_ONLY, SUBJECTS, is_record
+from flexfem.commands.written import check_ending
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, POSES
 
-ENDINGS = (".json", ".png", ".pdf", ".vtu", ".npz", ".mat")  # of the files of a result
 POINT = r"[-+\d.e ]+,[-+\d.e ]+"  # X,Y of the output of a drawing
 
 
@@ -40,11 +41,28 @@ def called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> An
     """Call the function of a command with the options as given."""
     call = _arguments(name, function, given)
     hints = get_type_hints(function)
+    _check_ending(function, call, given)
     if "progress" not in hints:
         return Answer(function(*call.positional, **call.named), call.stem)
     with _progress_of(name) as say:
         found = function(*call.positional, **call.named, progress=say)
     return Answer(found, call.stem)
+
+
+def _check_ending(function: Callable[..., Any], call: _Call, given: dict[str, Any]) -> None:
+    """Refuse the name of a file that the result of a question about a mechanism cannot give."""
+    from flexfem.questions.setup import kind_of_answer
+
+    subjects = [call.named[key] for key in SUBJECTS if key in call.named]
+    if subjects and returns_results(function):
+        check_ending(given.get("output"), kind_of_answer(function, subjects[0]))
+
+
+def returns_results(function: Callable[..., Any]) -> bool:
+    """Return whether a function returns a result, whose files `--output` names."""
+    kind = get_type_hints(function)["return"]
+    kinds = get_args(kind) if get_origin(kind) is UnionType else (kind,)
+    return all(hasattr(each, "quantities") for each in kinds)
 
 
 def _progress_of(name: str) -> AbstractContextManager[Any]:
@@ -121,23 +139,3 @@ def _check_size(name: str, motion: Any, mechanism: Any) -> None:
             where = name if np.isscalar(motion) else f"{name} {direction}"
             expected = f"expected at most {most:.3g} {own}{reason}; write {number:g}{unit}"
             raise BadInput(f"{where} = {number:g} {own}, {expected}")
-
-
-def write(found: Any, path: Path) -> list[Path]:
-    """Write the document, the figures and the fields of a result; return the paths.
-
-    Raises BadInput when the folder is not writable, or when an input file of the command would be
-    replaced.
-    """
-    from flexfem.files.writing import check_name
-
-    for ending in ENDINGS:
-        check_name(path.with_suffix(ending))
-    paths = [found.write(path)]
-    if found.figure and (found.fields is not None or not found.drawn_from_fields):
-        from flexfem.plot.write import write_of_result
-
-        paths += write_of_result(found, path)
-    if hasattr(found.fields, "write"):
-        paths += found.fields.write(path)
-    return paths

@@ -18,15 +18,14 @@ from collections.abc import Callable
 from contextlib import suppress
 from difflib import get_close_matches
 from pathlib import Path
-from types import UnionType
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 import flexfem
 from flexfem import terminal
-from flexfem.commands.calling import called, write
+from flexfem.commands.calling import called, returns_results
 from flexfem.commands.catalogue import (
     COMMANDS,
     GROUPS,
@@ -34,8 +33,9 @@ from flexfem.commands.catalogue import (
     RENAMED_OPTIONS,
     STUDY,
 )
-from flexfem.commands.console import Json, OutputFolder, show
+from flexfem.commands.console import Json, OutputFolder, OutputOfResult, show
 from flexfem.commands.options import description, made_parameter, options_of
+from flexfem.commands.written import write
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, printed
 from flexfem.sources import ONE_THREAD, manifest, use_own
@@ -182,8 +182,8 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     Its signature holds the options of the command.
     """
     options = [*options_of(function), made_parameter("json", Json, False)]
-    if _returns_results(function):  # other functions have an output of their own
-        options.append(made_parameter("output", OutputFolder, None))
+    if returns_results(function):  # other functions have an output of their own
+        options.append(made_parameter("output", OutputOfResult, None))
 
     def run(**given: Any) -> None:
         from flexfem.results import Result
@@ -193,7 +193,7 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
         if found is None:  # of a server
             return
         if isinstance(found, Result) and given["output"] is not None:
-            write(found, given["output"] / f"{answer.stem}.json")
+            write(found, given["output"], answer.stem)
         show(found, given["json"])
         if getattr(found, "findings", None) or getattr(found, "failed", False):
             raise typer.Exit(1)  # of a check, of a study
@@ -201,12 +201,6 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
     run.__annotations__ = {option.name: option.annotation for option in options}
     return run
-
-
-def _returns_results(function: Callable[..., Any]) -> bool:
-    kind = get_type_hints(function)["return"]
-    kinds = get_args(kind) if get_origin(kind) is UnionType else (kind,)
-    return all(hasattr(each, "quantities") for each in kinds)
 
 
 def _print_version(requested: bool) -> None:

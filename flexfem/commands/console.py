@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 import typer
 
+from flexfem.commands.written import check_output
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -36,6 +38,10 @@ LONGEST = 30  # characters of the name of a row in a table that is too wide
 
 OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for the written files.")
 OutputFolder = Annotated[Path | None, OUTPUT]
+NAMES = "File to write, .csv, .json, .html, .png, .pdf or .vtu; or a folder for all files."
+OutputOfResult = Annotated[
+    Path | None, typer.Option("--output", "-o", callback=check_output, help=NAMES)
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 

@@ -73,6 +73,7 @@ class Drift(MechanismDrift):
 
     labels: ClassVar = {"case": CASES, "out of plane": LIFTED}
     figure = "paper.figures.drift.drift_figure"
+    has_mesh_fields = True
     drawn_from_fields = True
     reading = (
         "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, the "

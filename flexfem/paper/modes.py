@@ -67,6 +67,7 @@ class NaturalModes(Result):
     """Natural frequencies, effective modal masses and the masses that vibrate."""
 
     title = "natural modes"
+    has_mesh_fields = True
     main = ("frequency", {})
     columns: ClassVar[tuple[str, ...]] = ("model", "base")
     figure = "paper.figures.modes.figures"

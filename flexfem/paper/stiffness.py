@@ -57,6 +57,7 @@ class StageStiffness(Result):
     """
 
     kind_name = "stiffness"
+    has_mesh_fields = True
     title = "stage at rest"
     main = ("free", {})
     stiffness = replace(Stiffness.stiffness, gate=COARSER)

@@ -59,13 +59,17 @@ class Vibration(NamedTuple):
         the paths.
         """
         paths = [path.with_suffix(suffix) for suffix in (".vtu", ".npz", ".mat")]
-        fields = {f"mode {k}": field for k, field in enumerate(self.shapes, start=1)}
-        write_vtu(self.mesh, paths[0], fields, self.heights)
+        self.write_vtu(paths[0])
         if self.reduced is None:
             return paths[:1]
         for file in paths[1:]:
             self.reduced.write(file)
         return paths
+
+    def write_vtu(self, path: Path) -> None:
+        """Write the shapes to this file as VTU."""
+        fields = {f"mode {k}": field for k, field in enumerate(self.shapes, start=1)}
+        write_vtu(self.mesh, path, fields, self.heights)
 
 
 class Found(NamedTuple):

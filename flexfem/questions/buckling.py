@@ -50,6 +50,7 @@ class Buckling(Result):
     """Load factors at which a plate buckles under a stated load, lowest first."""
 
     title = "buckling"
+    has_mesh_fields = True
     main = ("factor", {})
     columns = ("model",)
     reading = (AT_REST, BEAMS_ONLY)

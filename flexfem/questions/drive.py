@@ -22,6 +22,7 @@ class Drive(Result):
     """Motion of a mechanism by its actuators, with all of them in place."""
 
     kind_name = "mechanism_drive"
+    has_mesh_fields = True
     title = "drive"
     main = ("motion", {})
     reading: ClassVar[tuple[str, ...]] = (

@@ -53,6 +53,7 @@ class MechanismModes(Result):
     """
 
     title = "natural modes"
+    has_mesh_fields = True
     main = ("frequency", {})
     columns: ClassVar[tuple[str, ...]] = ("model", "direction", "motion")
     reading: ClassVar[tuple[str, ...]] = (

@@ -325,8 +325,12 @@ class MeshFields(NamedTuple):
 
     def write(self, path: Path) -> list[Path]:
         """Write the fields as VTU; return the path."""
-        write_vtu(self.mesh, path.with_suffix(".vtu"), self.made(), self.heights)
+        self.write_vtu(path.with_suffix(".vtu"))
         return [path.with_suffix(".vtu")]
+
+    def write_vtu(self, path: Path) -> None:
+        """Write the fields to this file."""
+        write_vtu(self.mesh, path, self.made(), self.heights)
 
 
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:

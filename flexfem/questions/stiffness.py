@@ -77,6 +77,7 @@ class Stiffness(Result):
     """
 
     kind_name = "mechanism_stiffness"
+    has_mesh_fields = True
     title = "mechanism at rest"
     main = ("free", {})
     figure = "plate.load_figure"

@@ -229,6 +229,7 @@ class Declared:
     main: ClassVar[tuple[str, Mapping[str, str]] | None] = None
     figure: ClassVar[str] = ""  # module and function that draw it, see `flexfem.plot.figures_of`
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
+    has_mesh_fields: ClassVar[bool] = False  # whether `fields` may be written as VTU
     # module under flexfem that shows stored results with fields: `write_stored`, `stored_section`
     stored_by: ClassVar[str] = ""
     reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table

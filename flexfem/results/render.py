@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from html import escape
+from io import StringIO
 from itertools import product
 from typing import NamedTuple
 
@@ -312,6 +314,29 @@ def markdown(result: Declared) -> str:
         align = "l" * each.names + "r" * (len(each.head) - each.names)
         lines += [markdown_table(each.head, each.rows, align), ""]
     return "\n".join([*lines, *(f"- {text}" for text in sentences(result))])
+
+
+def csv_of(result: Declared) -> str:
+    """Return all numbers as one tidy table: quantity, a column for each axis, value, band, unit.
+
+    A row and a column of a matrix are labels of its two last axes. Numbers that are nan are left
+    out, an infinite one is "inf", and a number without a band has an empty cell.
+    """
+    text = StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(["quantity", *result.axes, "value", "band", "unit"])
+    for name, values in result.values.items():
+        quantity = result.quantities[name]
+        bands = result.band(name)
+        for at, labels in result.indices(quantity.over):
+            if np.isnan(values[at]):
+                continue
+            named = dict(zip(quantity.over, labels, strict=True))
+            places = [named.get(axis, "") for axis in result.axes]
+            band = "" if np.isnan(bands[at]) else f"{bands[at]:.6g}"
+            unit = quantity.unit_at(at).plain
+            table.writerow([name, *places, f"{values[at]:.12g}", band, unit])
+    return text.getvalue()
 
 
 def html(result: Declared) -> str:

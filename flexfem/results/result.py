@@ -15,6 +15,7 @@ from flexfem.results.frames import long_frame, wide_frame
 from flexfem.results.render import (
     Tables,
     TextTable,
+    csv_of,
     declaration_table,
     heading,
     html,
@@ -187,6 +188,13 @@ class Result(Declared):
             A quantity is not in this result.
         """
         return long_frame(self) if long else wide_frame(self, quantities)
+
+    def to_csv(self) -> str:
+        """Return all numbers as CSV: a row for each, with its labels in a column for each axis.
+
+        The columns are quantity, the axes, value, band and unit; numbers that are nan have no row.
+        """
+        return csv_of(self)
 
     def to_xarray(self) -> Any:
         """Return all quantities as an xarray Dataset in the declared units.
