@@ -168,7 +168,10 @@ def test_an_output_with_an_ending_is_that_file_of_the_result(flexfem, tmp_path, 
     ("asked", "said"),
     [
         (["reach", "-o", "k.vtu"], "k.vtu: no field of finite elements of reach of the drive, "),
-        (["stiffness", "--models", "analytic", "-o", "k.png"], "k.png: this result has no figure, "),
+        (
+            ["stiffness", "--models", "analytic", "-o", "k.png"],
+            "k.png: this result has no figure, ",
+        ),
         (["stiffness", "-o", "no/k.csv"], "no/k.csv: no folder no, expected an existing folder"),
     ],
 )
