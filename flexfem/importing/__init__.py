@@ -1,3 +1,3 @@
-"""Drawings into mechanism files: contours are read, bodies and hinges found in the plate, and a
-file written.
-"""
+"""Drawings into mechanism files.
+
+Contours are read, bodies and hinges are found in the plate, and a file is written."""

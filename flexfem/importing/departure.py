@@ -1,6 +1,4 @@
-"""How far two plates depart from each other: area that only one of them has, and distance of their
-edges.
-"""
+"""How far two plates depart from each other, by their areas and their edges."""
 
 from __future__ import annotations
 
@@ -27,9 +25,10 @@ SEAM = 1e-5  # mm, half the width of a strip that joins a hinge and its body
 
 
 class Departure(NamedTuple):
-    """Area of which only one of two plates consists, per area of the first; largest distance of
-    edges, mm, its place.
+    """How far a plate departs from another.
 
+    area : of which only one of them consists, per area of the first.
+    largest, place : largest distance of edges, mm, and its place.
     inside : whether the second plate lacks material there.
     """
 
@@ -44,14 +43,15 @@ def departure(one: Any, other: Any) -> Departure:
     area = float(shapely.area(shapely.symmetric_difference(one, other)) / shapely.area(one))
     found = [_farthest(one, other), _farthest(other, one)]
     largest, place = max(found, key=lambda each: each[0])
-    missing = shapely.difference(one, other)
-    extra = shapely.difference(other, one)
     point = shapely.Point(place.real, place.imag)
-    gaps = [
-        math.inf if each.is_empty else float(shapely.distance(each, point))
-        for each in (missing, extra)
-    ]
-    return Departure(area, largest, place, gaps[0] < gaps[1])
+    to_missing = _distance(shapely.difference(one, other), point)
+    to_extra = _distance(shapely.difference(other, one), point)
+    return Departure(area, largest, place, to_missing < to_extra)
+
+
+def _distance(shape: Any, point: Any) -> float:
+    """Return the distance of a point from a shape, infinite from an empty one."""
+    return math.inf if shape.is_empty else float(shapely.distance(shape, point))
 
 
 def _farthest(one: Any, other: Any) -> tuple[float, complex]:
@@ -93,8 +93,9 @@ def fine_polygon(layout: Layout) -> Any:
 
 
 def _seam(joint: Joint, side: int) -> Any:
-    """Return a thin strip over the end of a hinge, which closes gaps of round-off between it and
-    its body.
+    """Return a thin strip over the end of a hinge.
+
+    It closes gaps of round-off between the hinge and its body.
     """
     upper, lower = end_corners(joint, side)
     ahead = SEAM * cmath.exp(1j * joint.heading)
@@ -114,20 +115,20 @@ def curve_points(curve: Curve) -> AnyArray:
             return np.array([curve.start, curve.end])
         return curve.at(np.linspace(0, 1, _count(abs(curve.start - curve.centre), curve.turn)))
     if isinstance(curve, Ellipse):
-        axis, minor = _half_axes(curve)
-        angles = [
-            math.atan2(
-                ((z - curve.centre) / axis).imag * abs(axis) / minor,
-                ((z - curve.centre) / axis).real,
-            )
-            for z in (curve.start, curve.end)
-        ]
-        turn = (angles[1] - angles[0] + math.pi) % (2 * math.pi) - math.pi
-        t = angles[0] + np.linspace(0, 1, _count(abs(axis) ** 2 / minor, turn)) * turn
-        return np.asarray(
-            curve.centre + axis * np.cos(t) + 1j * axis / abs(axis) * minor * np.sin(t)
-        )
+        return _ellipse(curve)
     return _bezier(curve)
+
+
+def _ellipse(curve: Ellipse) -> AnyArray:
+    axis, minor = _half_axes(curve)
+    angles = list[float]()
+    for z in (curve.start, curve.end):
+        local = (z - curve.centre) / axis
+        angles.append(math.atan2(local.imag * abs(axis) / minor, local.real))
+    turn = (angles[1] - angles[0] + math.pi) % (2 * math.pi) - math.pi
+    t = angles[0] + np.linspace(0, 1, _count(abs(axis) ** 2 / minor, turn)) * turn
+    aside = 1j * axis / abs(axis) * minor
+    return np.asarray(curve.centre + axis * np.cos(t) + aside * np.sin(t))
 
 
 def _half_axes(curve: Ellipse) -> tuple[complex, float]:

@@ -1,10 +1,11 @@
-"""A plate divided at its hinges: the edges of its bodies follow the drawing, and cross the metal at
-ends of hinges.
-"""
+"""A plate divided at its hinges.
+
+The edges of its bodies follow the drawing, and cross the metal at ends of hinges."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +28,9 @@ FAR = 1  # ends of a hinge at its first and its second body
 
 
 class Stretch(NamedTuple):
-    """A part of a loop between two positions, which are indices of segments plus shares of their
-    lengths.
+    """A part of a loop between two positions.
+
+    Positions are indices of segments plus shares of their lengths.
     """
 
     loop: int
@@ -49,11 +51,14 @@ class Cut(NamedTuple):
     left: Stretch
     corners: tuple[complex, complex, complex, complex]
 
+    @property
+    def stretches(self) -> tuple[Stretch, Stretch]:
+        """Both parts of the edge."""
+        return self.right, self.left
+
 
 class Edges:
-    """The closed loops of a plate, with the metal to their left, and the distances of points from
-    them.
-    """
+    """The closed loops of a plate, with the metal to their left."""
 
     def __init__(self, loops: Sequence[Sequence[Segment]]) -> None:
         self.loops = loops
@@ -63,34 +68,32 @@ class Edges:
     def position(self, loop: int, z: complex) -> tuple[float, float]:
         """Return the position on a loop that is nearest to a point, and its distance, mm."""
         start, end = self._ends[loop].T
+        chords = np.abs(end - start)
         share = np.clip(((z - start) / (end - start)).real, 0.0, 1.0)
         distance = np.abs(z - start - share * (end - start))
-        chords = np.abs(end - start)
-        near = np.flatnonzero(
-            distance <= distance.min() + np.where(self._arcs[loop], chords, TOUCHING)
-        )
+        slack = np.where(self._arcs[loop], chords, TOUCHING)
         best = np.inf
         at = 0.0
-        for index in near.tolist():
+        for index in np.flatnonzero(distance <= distance.min() + slack).tolist():
             segment = self.loops[loop][index]
-            share_there = min(max(float(segment.shares(np.asarray(z))), 0.0), 1.0)
-            away = abs(complex(segment.at(share_there)) - z)
+            nearest = min(max(float(segment.shares(np.asarray(z))), 0.0), 1.0)
+            away = abs(complex(segment.at(nearest)) - z)
             if away < best:
                 best = away
-                at = index + share_there
+                at = index + nearest
         return at % len(self.loops[loop]), best
 
-    def stretch(self, loop: int, start: float, end: float) -> list[Segment]:
-        """Return the segments of a loop between two positions, in its sense."""
-        segments = self.loops[loop]
-        count = len(self.loops[loop])
-        if abs(end - start) < SAME:
+    def stretch(self, stretch: Stretch) -> list[Segment]:
+        """Return the segments of a part of a loop, in its sense."""
+        segments = self.loops[stretch.loop]
+        count = len(segments)
+        if abs(stretch.end - stretch.start) < SAME:
             return []
-        last = end if end > start else end + count
+        last = stretch.end if stretch.end > stretch.start else stretch.end + count
         found = list[Segment]()
-        index = int(start)
+        index = int(stretch.start)
         while index < last:
-            low = max(start - index, 0.0)
+            low = max(stretch.start - index, 0.0)
             high = min(last - index, 1.0)
             piece = part(segments[index % count], low, high)
             if high > low and piece.length > SHORTEST:
@@ -100,29 +103,35 @@ class Edges:
 
 
 def cut_of(edges: Edges, neck: Neck, fit: Fit) -> Cut | None:
-    """Return the hinge with the parts of the edge that it takes, None where they do not enclose it."""
+    """Return the hinge with the parts of the edge that it takes.
+
+    None where they do not enclose it.
+    """
     first, second, third, fourth = map(fit.frame.out, corners_of(fit.profile))
-    corners = (first, second, third, fourth)
-    on = [
-        edges.position(place.loop, z)
-        for place, z in zip((neck.right,) * 2 + (neck.left,) * 2, corners, strict=True)
-    ]
-    if max(distance for _, distance in on) > TOUCHING:
+    right = _stretch_at(edges, neck.right.loop, first, second)
+    left = _stretch_at(edges, neck.left.loop, third, fourth)
+    if right is None or left is None:
         return None
-    positions = [position for position, _ in on]
-    right = Stretch(neck.right.loop, positions[0], positions[1])
-    left = Stretch(neck.left.loop, positions[2], positions[3])
     drawn = [
-        *edges.stretch(*right),
+        *edges.stretch(right),
         Segment(second, third),
-        *edges.stretch(*left),
+        *edges.stretch(left),
         Segment(fourth, first),
     ]
     x, weights = fit.profile.quadrature
-    most = ALLOWED * 2 * fit.profile.length
-    if abs(area(drawn) - float(weights @ fit.profile.height(x))) > most:
+    fitted = float(weights @ fit.profile.height(x))
+    if abs(area(drawn) - fitted) > 2 * ALLOWED * fit.profile.length:
         return None
-    return Cut(neck, fit, right, left, corners)
+    return Cut(neck, fit, right, left, (first, second, third, fourth))
+
+
+def _stretch_at(edges: Edges, loop: int, start: complex, end: complex) -> Stretch | None:
+    """Return the part of a loop between two points, None where one of them is off the loop."""
+    first, first_distance = edges.position(loop, start)
+    last, last_distance = edges.position(loop, end)
+    if max(first_distance, last_distance) > TOUCHING:
+        return None
+    return Stretch(loop, first, last)
 
 
 def _contains(stretch: Stretch, position: float) -> bool:
@@ -135,18 +144,8 @@ def _contains(stretch: Stretch, position: float) -> bool:
 
 def overlap(cut: Cut, others: Sequence[Cut]) -> bool:
     """Return whether a hinge takes a part of the edge that another one takes."""
-    own = (cut.right, cut.left)
-    for one in own:
-        for other in (each for cut_ in others for each in (cut_.right, cut_.left)):
-            if one.loop != other.loop:
-                continue
-            if any(_contains(one, at) for at in (other.start, other.end)):
-                return True
-            if any(_contains(other, at) for at in (one.start, one.end)):
-                return True
-            if (one.start, one.end) == (other.start, other.end):
-                return True
-    return False
+    taken = [stretch for other in others for stretch in other.stretches]
+    return any(_overlap(one, other) for one in cut.stretches for other in taken)
 
 
 class Divided(NamedTuple):
@@ -156,68 +155,110 @@ class Divided(NamedTuple):
     between: list[tuple[int, int]]
 
 
+def _overlap(one: Stretch, other: Stretch) -> bool:
+    if one.loop != other.loop:
+        return False
+    return (
+        one == other
+        or _contains(one, other.start)
+        or _contains(one, other.end)
+        or _contains(other, one.start)
+        or _contains(other, one.end)
+    )
+
+
 def divided(edges: Edges, cuts: Sequence[Cut]) -> Divided:
     """Return the bodies of a plate that is divided at hinges."""
     loops, at_ends = _traced(edges, cuts)
-    taken = {stretch.loop for cut in cuts for stretch in (cut.right, cut.left)}
-    whole = [list(loop) for k, loop in enumerate(edges.loops) if k not in taken]
-    every = [*loops, *whole]
-    outside = [k for k, loop in enumerate(every) if area(loop) > EMPTY]
-    faces = [shapely.Polygon(polygon_points(every[k], STEP)) for k in outside]
-    shapely.prepare(faces)
-    body_of = {k: NOTHING for k, loop in enumerate(every) if abs(area(loop)) <= EMPTY}
-    body_of |= {k: number for number, k in enumerate(outside)}
-    holes: list[list[tuple[Segment, ...]]] = [[] for _ in outside]
-    for k, loop in enumerate(every):
-        if k in body_of:
-            continue
-        z = complex(loop[0].at(0.5))
-        inside = [n for n, face in enumerate(faces) if shapely.contains_xy(face, z.real, z.imag)]
-        if not inside:
-            body_of[k] = NOTHING
-            continue
-        number = min(inside, key=lambda n: faces[n].area)
-        body_of[k] = number
-        holes[number].append(tuple(loop))
-    bodies = [FoundBody(tuple(every[k]), tuple(holes[n])) for n, k in enumerate(outside)]
+    taken = {stretch.loop for cut in cuts for stretch in cut.stretches}
+    loops += [list(loop) for k, loop in enumerate(edges.loops) if k not in taken]
+    bodies, body_of = _bodies(loops)
     between = [(body_of[at_ends[k, NEAR]], body_of[at_ends[k, FAR]]) for k in range(len(cuts))]
     return Divided(bodies, between)
+
+
+def _bodies(loops: Sequence[Sequence[Segment]]) -> tuple[list[FoundBody], list[int]]:
+    """Return the bodies that loops enclose, and the body of each loop, `NOTHING` without one."""
+    sizes = [area(loop) for loop in loops]
+    outside = [loop for loop, size in zip(loops, sizes, strict=True) if size > EMPTY]
+    faces = [shapely.Polygon(polygon_points(loop, STEP)) for loop in outside]
+    shapely.prepare(faces)
+    holes: list[list[tuple[Segment, ...]]] = [[] for _ in outside]
+    body_of = list[int]()
+    number = 0
+    for loop, size in zip(loops, sizes, strict=True):
+        if size > EMPTY:
+            body_of.append(number)
+            number += 1
+        elif size >= -EMPTY:
+            body_of.append(NOTHING)
+        else:
+            body = _body_around(complex(loop[0].at(0.5)), faces)
+            body_of.append(body)
+            if body != NOTHING:
+                holes[body].append(tuple(loop))
+    bodies = [
+        FoundBody(tuple(loop), tuple(inside)) for loop, inside in zip(outside, holes, strict=True)
+    ]
+    return bodies, body_of
+
+
+def _body_around(z: complex, faces: Sequence[shapely.Polygon]) -> int:
+    """Return the smallest face around a point, `NOTHING` without one."""
+    inside = [n for n, face in enumerate(faces) if shapely.contains_xy(face, z.real, z.imag)]
+    return min(inside, key=lambda n: faces[n].area, default=NOTHING)
+
+
+class _Event(NamedTuple):
+    """Position on a loop at which it comes to an end of a hinge."""
+
+    position: float
+    hinge: int
+    end: int
 
 
 def _traced(
     edges: Edges, cuts: Sequence[Cut]
 ) -> tuple[list[list[Segment]], dict[tuple[int, int], int]]:
     """Return the loops around bodies that hinges cut, and the loop at each end of every hinge."""
-    starts: dict[int, list[tuple[float, int, int]]] = {}
+    events = defaultdict[int, list[_Event]](list)
     for k, cut in enumerate(cuts):
-        starts.setdefault(cut.right.loop, []).append((cut.right.start, k, NEAR))
-        starts.setdefault(cut.left.loop, []).append((cut.left.start, k, FAR))
-    for events in starts.values():
-        events.sort()
+        events[cut.right.loop].append(_Event(cut.right.start, k, NEAR))
+        events[cut.left.loop].append(_Event(cut.left.start, k, FAR))
+    for on_loop in events.values():
+        on_loop.sort()
     loops = list[list[Segment]]()
     at_ends = dict[tuple[int, int], int]()
-    for first in ((k, end) for k in range(len(cuts)) for end in (NEAR, FAR)):
-        path = list[Segment]()
-        k, end = first
-        while (k, end) not in at_ends:
-            at_ends[k, end] = len(loops)
-            cut = cuts[k]
-            leaving = cut.left if end == NEAR else cut.right
-            corner = cut.corners[3] if end == NEAR else cut.corners[1]
-            events = starts[leaving.loop]
-            stop, k, end = next(
-                (each for each in events if each[0] >= leaving.end - SAME), events[0]
-            )
-            arrival, across = (
-                (cuts[k].corners[0], cuts[k].corners[3])
-                if end == NEAR
-                else (cuts[k].corners[2], cuts[k].corners[1])
-            )
-            path += _from_to(edges.stretch(leaving.loop, leaving.end, stop), corner, arrival)
-            path.append(Segment(arrival, across))
-        if path:
-            loops.append(joined(path))
+    for first in range(len(cuts)):
+        for first_end in (NEAR, FAR):
+            path = list[Segment]()
+            k = first
+            end = first_end
+            while (k, end) not in at_ends:
+                at_ends[k, end] = len(loops)
+                piece, k, end = _to_next_hinge(edges, cuts, events, k, end)
+                path += piece
+            if path:
+                loops.append(joined(path))
     return loops, at_ends
+
+
+def _to_next_hinge(
+    edges: Edges, cuts: Sequence[Cut], events: Mapping[int, list[_Event]], k: int, end: int
+) -> tuple[list[Segment], int, int]:
+    """Follow the edge of a body from an end of a hinge to the next one, and across that.
+
+    Returns the path, and the hinge and the end at which it comes.
+    """
+    leaving = cuts[k].left if end == NEAR else cuts[k].right
+    corner = cuts[k].corners[3] if end == NEAR else cuts[k].corners[1]
+    ahead = events[leaving.loop]
+    following = next((each for each in ahead if each.position >= leaving.end - SAME), ahead[0])
+    first, second, third, fourth = cuts[following.hinge].corners
+    arrival, across = (first, fourth) if following.end == NEAR else (third, second)
+    drawn = edges.stretch(Stretch(leaving.loop, leaving.end, following.position))
+    path = [*_from_to(drawn, corner, arrival), Segment(arrival, across)]
+    return path, following.hinge, following.end
 
 
 def _from_to(path: list[Segment], start: complex, end: complex) -> list[Segment]:

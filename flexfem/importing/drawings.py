@@ -1,6 +1,4 @@
-"""Drawings as input: a mechanism from a DXF, STEP or SVG file, its file, and what was recognised in
-it.
-"""
+"""Drawings as input: a mechanism from a DXF, STEP or SVG file, and what was recognised in it."""
 
 from __future__ import annotations
 
@@ -32,8 +30,7 @@ LARGEST_THICKNESS = 1e4  # mm
 LARGEST_KERF = 10.0  # mm
 OFF = 1e-3  # mm, of an edge of the written file from the drawing
 OFF_AREA = 1e-6  # the same of the area, per area of the plate
-# mm, mean distance along the edge: curves that arcs stand for are drawn with this tolerance
-OFF_MEAN = 1e-4
+OFF_MEAN = 1e-4  # mm, mean distance along the edge: curves that arcs stand for are off by as much
 STATED = "stated with the import"
 
 
@@ -96,19 +93,26 @@ class Reading(NamedTuple):
     @property
     def wishes(self) -> Wishes:
         """Stated parts. Raises BadInput for a text that is no point."""
-        body, colon, pose = (
-            self.output_at.partition(":")
-            if isinstance(self.output_at, str)
-            else (self.output_at, "", "")
-        )
-        output = None if body is None else point_of("output", body)
+        output, pose = _output_and_pose(self.output_at)
         return Wishes(
             tuple(point_of("ground", text) for text in self.ground or ()),
             output,
-            point_of("output", pose) if colon else output,
+            pose,
             self.clamp_holes,
             tuple(actuator_of("actuator", text) for text in self.actuator or ()),
         )
+
+
+def _output_and_pose(stated: Any) -> tuple[complex | None, complex | None]:
+    """Return a point of the output and that at which its pose is read. Raises BadInput."""
+    if stated is None:
+        return None, None
+    if not isinstance(stated, str):
+        output = point_of("output", stated)
+        return output, output
+    body, colon, pose = stated.partition(":")
+    output = point_of("output", body)
+    return output, point_of("output", pose) if colon else output
 
 
 NO_READING = Reading()
@@ -124,8 +128,9 @@ class ImportedBody(NamedTuple):
 
 
 class ImportedHinge(NamedTuple):
-    """A hinge that was found in a drawing; `other` dimensions than length and neck; `off_um`: of
-    its fitted edge.
+    """A hinge that was found in a drawing.
+
+    other : dimensions other than length and neck.   off_um : of its fitted edge.
     """
 
     hinge: str
@@ -140,8 +145,8 @@ class ImportedHinge(NamedTuple):
 class ImportReport(NamedTuple):
     """What was recognised in a drawing, and how far the mechanism file is off it.
 
-    ground, output : of which body, and why.   edge_off_um, edge_off_at_mm : largest distance of an
-    edge, and its place.
+    ground, output : of which body, and why.
+    edge_off_um, edge_off_at_mm : largest distance of an edge, and its place.
     area_off : area of which only the drawing or only the file consists, per area of the plate.
     """
 
@@ -208,15 +213,18 @@ class ImportedPlate(NamedTuple):
     @property
     def summary(self) -> str:
         """What was recognised, in one line."""
-        names = self.written.names
-        roles = self.roles
         found = self.found
-        ground = ", ".join(names.bodies[k] for k in (*roles.fixed, *roles.clamped))
         return (
             f"{found.drawing.path}: {len(found.bodies)} bodies, {len(found.hinges)} hinges; "
-            f"ground: {ground} ({roles.sources['ground']}); "
-            f"output: {self.output} ({roles.sources['output']})"
+            f"ground: {self.ground}; output: {self.output} ({self.roles.sources['output']})"
         )
+
+    @property
+    def ground(self) -> str:
+        """Bodies that are fixed or clamped, and why."""
+        roles = self.roles
+        names = [self.written.names.bodies[k] for k in (*roles.fixed, *roles.clamped)]
+        return f"{', '.join(names)} ({roles.sources['ground']})"
 
     @property
     def output(self) -> str:
@@ -310,10 +318,9 @@ def import_drawing(
 def imported(
     source: Path, reading: Reading, name: str | None = None, wishes: Wishes | None = None
 ) -> ImportedPlate:
-    """Read a drawing, recognise its parts, and make the mechanism. Raises BadInput as
-    `import_drawing`.
+    """Read a drawing, recognise its parts, and make the mechanism.
 
-    wishes : stated parts, by default those of the reading.
+    wishes : stated parts, by default those of the reading. Raises BadInput as `import_drawing`.
     """
     from flexfem.importing.read import read_drawing
     from flexfem.importing.recognise import recognise
@@ -359,8 +366,9 @@ def heading_of(source: Path, reading: Reading, drawn: float | None, name: str | 
 
 
 def assembled(found: FoundPlate, wishes: Wishes, heading: Heading) -> ImportedPlate:
-    """Return the mechanism of a found plate, and how far it is off the drawing. Raises BadInput as
-    `import_drawing`.
+    """Return the mechanism of a found plate, and how far it is off the drawing.
+
+    Raises BadInput as `import_drawing`.
     """
     path = found.drawing.path
     roles = roles_of(found, wishes)
@@ -374,59 +382,71 @@ def assembled(found: FoundPlate, wishes: Wishes, heading: Heading) -> ImportedPl
 
 def report_of(plate: ImportedPlate, target: Path | None) -> ImportReport:
     """Return what was recognised; target : written file, None without one."""
-    found = plate.found
-    roles = plate.roles
-    names = plate.written.names
-    bodies = list[ImportedBody]()
-    for k, body in enumerate(found.bodies):
-        held = "fixed" if k in roles.fixed else "clamped" if k in roles.clamped else ""
-        hinges = sum(k in hinge.bodies for hinge in found.hinges)
-        bodies.append(ImportedBody(names.bodies[k], held, hinges, len(body.holes)))
-    table = list[ImportedHinge]()
-    for k, joint in enumerate(plate.written.joints):
-        hinge = found.hinges[k]
-        between = " - ".join(names.bodies[body] for body in joint.bodies)
-        other = ", ".join(
-            f"{key} {value:.6g}"
-            for key, value in hinge.dimensions.items()
-            if key not in ("length", "neck")
-        )
-        profile = joint.profile
-        table.append(
-            ImportedHinge(
-                names.hinges[k],
-                between,
-                hinge.shape,
-                _shown(profile.length),
-                _shown(profile.neck),
-                other,
-                round(1e3 * hinge.deviation, 3),
-            )
-        )
-    grounds = [names.bodies[k] for k in (*roles.fixed, *roles.clamped)]
     mechanism = plate.mechanism
     off = plate.off
     doubts = Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
-    shown_by = ("view", "summary") if target is not None else ()
+    commands = list[str]()
+    if target is not None:
+        path = shlex.quote(str(target))
+        commands = [f"flexfem view {path}", f"flexfem summary {path}"]
     return ImportReport(
-        file=str(found.drawing.path),
+        file=str(plate.found.drawing.path),
         name=mechanism.name,
         written="" if target is None else str(target),
         thickness_mm=_shown(float(mechanism.thickness)),
         material=mechanism.material.name,
-        bodies=sorted(bodies, key=lambda each: in_order(each.body)),
-        hinges=sorted(table, key=lambda each: in_order(each.hinge)),
-        ground=f"{', '.join(grounds)} ({roles.sources['ground']})",
-        output=f"{plate.output} ({roles.sources['output']})",
+        bodies=sorted(_imported_bodies(plate), key=lambda each: in_order(each.body)),
+        hinges=sorted(_imported_hinges(plate), key=lambda each: in_order(each.hinge)),
+        ground=plate.ground,
+        output=f"{plate.output} ({plate.roles.sources['output']})",
         edge_off_um=float(f"{1e3 * off.largest:.2g}"),
         edge_off_at_mm=(_shown(off.place.real), _shown(off.place.imag)),
         area_off=float(f"{off.area:.2g}"),
-        notes=list(found.drawing.notes),
-        commands=[f"flexfem {name} {shlex.quote(str(target))}" for name in shown_by],
+        notes=list(plate.found.drawing.notes),
+        commands=commands,
         warnings=plate.warnings,
         assumed=doubts.assumed,
         not_stated=doubts.not_stated,
     )
+
+
+def _imported_bodies(plate: ImportedPlate) -> list[ImportedBody]:
+    """Return the bodies as the report names them."""
+    found = plate.found
+    rows = list[ImportedBody]()
+    for k, body in enumerate(found.bodies):
+        held = ""
+        if k in plate.roles.fixed:
+            held = "fixed"
+        elif k in plate.roles.clamped:
+            held = "clamped"
+        hinges = sum(k in hinge.bodies for hinge in found.hinges)
+        rows.append(ImportedBody(plate.written.names.bodies[k], held, hinges, len(body.holes)))
+    return rows
+
+
+def _imported_hinges(plate: ImportedPlate) -> list[ImportedHinge]:
+    """Return the hinges as the report names them."""
+    names = plate.written.names
+    rows = list[ImportedHinge]()
+    for k, (hinge, joint) in enumerate(zip(plate.found.hinges, plate.written.joints, strict=True)):
+        other = [
+            f"{key} {value:.6g}"
+            for key, value in hinge.dimensions.items()
+            if key not in ("length", "neck")
+        ]
+        rows.append(
+            ImportedHinge(
+                hinge=names.hinges[k],
+                between=" - ".join(names.bodies[body] for body in joint.bodies),
+                shape=hinge.shape,
+                length_mm=_shown(joint.profile.length),
+                neck_mm=_shown(joint.profile.neck),
+                other=", ".join(other),
+                off_um=round(1e3 * hinge.deviation, 3),
+            )
+        )
+    return rows
 
 
 def _shown(value: float) -> float:

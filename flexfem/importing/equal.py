@@ -38,9 +38,7 @@ class EqualHinges(NamedTuple):
 
 
 def equal_hinges(hinges: Sequence[FoundHinge]) -> list[EqualHinges]:
-    """Return the groups of hinges whose shape is one and whose dimensions are equal, in the order
-    of the hinges.
-    """
+    """Return the groups of hinges with one shape and equal dimensions, in their order."""
     groups = list[list[int]]()
     for index, hinge in enumerate(hinges):
         group = next((each for each in groups if _are_equal(hinges[each[0]], hinge)), None)
@@ -48,15 +46,16 @@ def equal_hinges(hinges: Sequence[FoundHinge]) -> list[EqualHinges]:
             groups.append([index])
         else:
             group.append(index)
-    found = list[EqualHinges]()
-    for group in groups:
-        first = hinges[group[0]]
-        means = {
-            key: float(np.mean([hinges[k].dimensions[key] for k in group]))
-            for key in first.dimensions
-        }
-        found.append(EqualHinges(first.shape, tuple(group), means))
-    return found
+    return [_mean_of(hinges, group) for group in groups]
+
+
+def _mean_of(hinges: Sequence[FoundHinge], group: Sequence[int]) -> EqualHinges:
+    """Return equal hinges with the means of their dimensions."""
+    first = hinges[group[0]]
+    means = dict[str, float]()
+    for key in first.dimensions:
+        means[key] = float(np.mean([hinges[k].dimensions[key] for k in group]))
+    return EqualHinges(first.shape, tuple(group), means)
 
 
 def _are_equal(one: FoundHinge, other: FoundHinge) -> bool:
@@ -66,7 +65,8 @@ def _are_equal(one: FoundHinge, other: FoundHinge) -> bool:
     if (one.side is None) != (other.side is None):
         return False
     for key, value in one.dimensions.items():
-        if abs(value - other.dimensions[key]) > (EQUAL_ANGLE if key == "angle" else EQUAL):
+        most = EQUAL_ANGLE if key == "angle" else EQUAL
+        if abs(value - other.dimensions[key]) > most:
             return False
     seen = (one, turned_round(one), mirrored(one), mirrored(turned_round(one)))
     return any(_same_edges(each, other) for each in seen)
@@ -99,8 +99,8 @@ def mirrored(hinge: FoundHinge) -> FoundHinge:
 class PartShape(NamedTuple):
     """What decides whether a body is a copy of another.
 
-    points : (n,), corners of its loops and middles of their sides.   clamped : (m,), middles of its
-    clamped edges.
+    points : (n,), corners of its loops and middles of their sides.
+    clamped : (m,), middles of its clamped edges.
     role : such as "fixed"; None for the output, which is no copy.
     """
 
@@ -116,12 +116,19 @@ def shape_of(sides: Sequence[Segment], clamped: Sequence[int], role: str | None)
     return PartShape(np.array(corners + middles), np.array([middles[k] for k in clamped]), role)
 
 
+class Images(NamedTuple):
+    """The parts to which a move takes others, by the index of the part that it moves."""
+
+    bodies: Mapping[int, int]
+    hinges: Mapping[int, int]
+
+
 class CopiedParts(NamedTuple):
     """One [[copy]]: indices of the bodies and hinges that are copied, and how.
 
-    times, about : of a rotation, the original counted.   mirror : two points of the line of a
-    mirror image, else None.
-    images : by step of the rotation, bodies and hinges by the index of the part that they copy.
+    times, about : of a rotation, the original counted.
+    mirror : two points of the line of a mirror image, else None.
+    images : by step of the rotation, the copies.
     """
 
     bodies: tuple[int, ...]
@@ -129,7 +136,7 @@ class CopiedParts(NamedTuple):
     times: int
     about: complex
     mirror: tuple[complex, complex] | None
-    images: tuple[tuple[Mapping[int, int], Mapping[int, int]], ...]
+    images: tuple[Images, ...]
 
     @property
     def copied(self) -> int:
@@ -171,9 +178,9 @@ def find_copies(
         if best is None or not best.hinges:
             break
         found.append(best)
-        for of_bodies, of_hinges in best.images:
-            bodies -= set(of_bodies.values())
-            kept -= set(of_hinges.values())
+        for images in best.images:
+            bodies -= set(images.bodies.values())
+            kept -= set(images.hinges.values())
     return found[::-1]
 
 
@@ -185,6 +192,18 @@ class _Rotation(NamedTuple):
 class _Mirror(NamedTuple):
     first: complex
     second: complex
+
+
+class _Steps(NamedTuple):
+    """The moves of a copy, and what they do.
+
+    movable : bodies that every move takes to another one.   chosen : those of them that are copied.
+    """
+
+    moves: list[Move]
+    images: list[Images]
+    movable: set[int]
+    chosen: set[int]
 
 
 class _Parts:
@@ -209,95 +228,87 @@ class _Parts:
         self, kept: set[int], rounded: Callable[[complex], complex]
     ) -> Iterator[_Rotation | _Mirror]:
         """Yield the moves that may take many of the kept hinges to others."""
-        for group in self.groups:
-            members = [k for k in group.members if k in kept]
+        alike = [[k for k in group.members if k in kept] for group in self.groups]
+        for members in alike:
             if len(members) > 2:
                 centre = rounded(complex(self.places[members].mean()))
-                orders = [n for n in range(MOST_ROUND, 2, -1) if len(members) % n == 0]
-                yield from (_Rotation(centre, n) for n in orders)
-        pairs = [
-            pair
-            for group in self.groups
-            for pair in combinations([k for k in group.members if k in kept], 2)
-        ]
+                for times in range(MOST_ROUND, 2, -1):
+                    if len(members) % times == 0:
+                        yield _Rotation(centre, times)
+        pairs = [pair for members in alike for pair in combinations(members, 2)]
         one, other = np.array(pairs[:MOST_PAIRS], dtype=np.int64).reshape(-1, 2).T
         apart = self.places[other] - self.places[one]
         distinct = np.abs(apart) > EQUAL
-        across = apart[distinct] / np.abs(apart[distinct])
-        across *= np.where(
-            (across.real < -EQUAL) | ((np.abs(across.real) <= EQUAL) & (across.imag < 0)), -1, 1
-        )
         middle = (self.places[one] + self.places[other])[distinct] / 2
-        level = (middle / across).real
-        keys = zip(
-            *(np.round(part, 3).tolist() for part in (across.real, across.imag, level)), strict=True
-        )
-        for _, k in _frequent(list(keys)):
-            axis = complex(1j * across[k])
-            foot = rounded(complex(level[k] * across[k]))
-            if _is_square(axis):
-                axis = 1 + 0j if abs(axis.real) > abs(axis.imag) else 1j
-            yield _Mirror(foot, foot + axis)
+        yield from _mirrors(apart[distinct], middle, rounded)
         for _, k in _frequent([(round(z.real, 3), round(z.imag, 3)) for z in middle.tolist()]):
             yield _Rotation(rounded(complex(middle[k])), 2)
 
     def copied(self, move: _Rotation | _Mirror, bodies: set[int], kept: set[int]) -> CopiedParts:
-        """Return the bodies and hinges, of those given, that a move takes to others again and
-        again.
-        """
-        mirror = (move.first, move.second) if isinstance(move, _Mirror) else None
-        about, times = (0j, 2) if isinstance(move, _Mirror) else move
-        plan = CopiedParts((), (), times, about, mirror, ())
-        steps = [self._image(step, bodies, kept) for step in plan.moves]
-        of_bodies = _orbits(bodies, [step[0] for step in steps])
-        chosen = self._connected(of_bodies, kept)
-        copied = {body: k for k, orbit in enumerate(of_bodies) for body in orbit}
-        of_hinges = list[list[int]]()
-        for orbit in _orbits(kept, [step[1] for step in steps]):
-            first = self.places[
-                of_hinges[0][0] if of_hinges else orbit[0]
-            ]  # the copied hinges lie near to each other
-            for hinge in sorted(orbit, key=lambda k: (round(abs(self.places[k] - first), 3), k)):
-                turned = [hinge, *(other for other in orbit if other != hinge)]
-                if self._follows(turned, plan.moves, steps, chosen, copied):
-                    of_hinges.append(turned)
-                    break
-        taken = tuple(sorted(chosen)), tuple(orbit[0] for orbit in of_hinges)
-        images = tuple(
-            (
-                {body: step[0][body] for body in taken[0]},
-                {hinge: step[1][hinge] for hinge in taken[1]},
+        """Return the parts, of those given, that a move takes to others again and again."""
+        if isinstance(move, _Mirror):
+            plan = CopiedParts((), (), 2, 0j, (move.first, move.second), ())
+        else:
+            plan = CopiedParts((), (), move.times, move.about, None, ())
+        images = [
+            Images(self._body_images(step, bodies), self._hinge_images(step, kept))
+            for step in plan.moves
+        ]
+        orbits = _orbits(bodies, [step.bodies for step in images])
+        movable = {body for orbit in orbits for body in orbit}
+        chosen = self._connected(orbits, kept)
+        steps = _Steps(plan.moves, images, movable, chosen)
+        hinges = self._copied_hinges(_orbits(kept, [step.hinges for step in images]), steps)
+        copies = [
+            Images(
+                {body: step.bodies[body] for body in sorted(chosen)},
+                {hinge: step.hinges[hinge] for hinge in hinges},
             )
-            for step in steps
+            for step in images
+        ]
+        return plan._replace(
+            bodies=tuple(sorted(chosen)), hinges=tuple(hinges), images=tuple(copies)
         )
-        return plan._replace(bodies=taken[0], hinges=taken[1], images=images)
 
-    def _image(
-        self, move: Move, bodies: set[int], kept: set[int]
-    ) -> tuple[dict[int, int], dict[int, int]]:
-        """Return the bodies and hinges to which a move takes bodies and hinges, by their indices."""
-        of_bodies = dict[int, int]()
-        of_hinges = dict[int, int]()
+    def _copied_hinges(self, orbits: Sequence[Sequence[int]], steps: _Steps) -> list[int]:
+        """Return one hinge of each orbit whose images connect the images of its bodies.
+
+        The hinges lie near to each other.
+        """
+        found = list[int]()
+        for orbit in orbits:
+            near = self.places[found[0] if found else orbit[0]]
+            distances = {k: round(abs(self.places[k] - near), 3) for k in orbit}
+            for hinge in sorted(orbit, key=lambda k: (distances[k], k)):
+                if self._follows(hinge, steps):
+                    found.append(hinge)
+                    break
+        return found
+
+    def _body_images(self, move: Move, bodies: set[int]) -> dict[int, int]:
+        """Return the bodies to which a move takes bodies."""
+        images = dict[int, int]()
         for body in bodies:
-            points = move(self.shapes[body].points)
-            near = np.flatnonzero(np.abs(self.centres - points.mean()) <= EQUAL)
-            for other in near.tolist():
+            centre = move(self.shapes[body].points).mean()
+            for other in np.flatnonzero(np.abs(self.centres - centre) <= EQUAL).tolist():
                 if other in bodies and self._same_body(body, other, move):
-                    of_bodies[body] = other
+                    images[body] = other
+        return images
+
+    def _hinge_images(self, move: Move, kept: set[int]) -> dict[int, int]:
+        """Return the hinges to which a move takes hinges."""
         if self.tree is None:
-            return of_bodies, of_hinges
+            return {}
         order = sorted(kept)
         distance, nearest = self.tree.query(_columns(move(self.places[order])))
-        for hinge, other in zip(
-            order, np.where(distance <= EQUAL, nearest, -1).tolist(), strict=True
-        ):
-            if (
-                other in kept
-                and self.group[other] == self.group[hinge]
-                and self._same_axis(hinge, other, move)
-            ):
-                of_hinges[hinge] = other
-        return of_bodies, of_hinges
+        found = np.where(distance <= EQUAL, nearest, -1).tolist()
+        images = dict[int, int]()
+        for hinge, other in zip(order, found, strict=True):
+            if other not in kept or self.group[other] != self.group[hinge]:
+                continue
+            if self._same_axis(hinge, other, move):
+                images[hinge] = other
+        return images
 
     def _same_body(self, one: int, other: int, move: Move) -> bool:
         shape = self.shapes[one]
@@ -311,20 +322,23 @@ class _Parts:
         return bool(np.max(gaps) <= EQUAL and np.all(apart <= EQUAL))
 
     def _same_axis(self, one: int, other: int, move: Move) -> bool:
-        """Whether axis and edges of a hinge become those of another, which may be described in the
-        opposite sense.
+        """Whether axis and edges of a hinge become those of another.
+
+        The other one may be described in the opposite sense.
         """
         image = self.hinges[one]
         target = self.hinges[other]
         turn = cmath.exp(1j * (move.heading(image.heading) - target.heading))
         reach = sum(image.dimensions.values()) or 1.0
-        image = mirrored(image) if move.mirrored else image
-        image = image if turn.real > 0 else turned_round(image)
+        if move.mirrored:
+            image = mirrored(image)
+        if turn.real <= 0:
+            image = turned_round(image)
         return abs(turn.imag) * reach <= EQUAL and _same_edges(image, target)
 
     def _connected(self, orbits: Sequence[Sequence[int]], kept: set[int]) -> set[int]:
         """Return one body of each orbit, those that hinges connect where there is a choice."""
-        of = {body: k for k, orbit in enumerate(orbits) for body in orbit}
+        orbit_of = {body: k for k, orbit in enumerate(orbits) for body in orbit}
         beside: dict[int, list[int]] = {}
         for k in sorted(kept):
             first, second = self.hinges[k].bodies
@@ -336,33 +350,45 @@ class _Parts:
             ahead = [min(orbit)]
             while ahead:
                 body = ahead.pop(0)
-                if body in of and of[body] not in seen:
-                    seen.add(of[body])
+                if body in orbit_of and orbit_of[body] not in seen:
+                    seen.add(orbit_of[body])
                     chosen.add(body)
                     ahead += beside.get(body, [])
         return chosen
 
-    def _follows(
-        self,
-        orbit: Sequence[int],
-        moves: Sequence[Move],
-        steps: Sequence[tuple[dict[int, int], dict[int, int]]],
-        chosen: set[int],
-        copied: Mapping[int, int],
-    ) -> bool:
-        """Whether the copies of the first hinge of an orbit connect what a [[copy]] connects them
-        to.
-        """
-        hinge = self.hinges[orbit[0]]
-        if any(end in copied and end not in chosen for end in hinge.bodies):
+    def _follows(self, index: int, steps: _Steps) -> bool:
+        """Whether the images of a hinge connect what a [[copy]] connects them to."""
+        hinge = self.hinges[index]
+        if any(end in steps.movable and end not in steps.chosen for end in hinge.bodies):
             return False
-        for move, (of_bodies, of_hinges) in zip(moves, steps, strict=True):
-            image = self.hinges[of_hinges[orbit[0]]]
+        for move, images in zip(steps.moves, steps.images, strict=True):
+            image = self.hinges[images.hinges[index]]
             same_sense = math.cos(move.heading(hinge.heading) - image.heading) > 0
-            wanted = tuple(of_bodies[end] if end in chosen else end for end in hinge.bodies)
-            if wanted != (image.bodies if same_sense else image.bodies[::-1]):
+            bodies = image.bodies if same_sense else image.bodies[::-1]
+            wanted = [images.bodies[end] if end in steps.chosen else end for end in hinge.bodies]
+            if tuple(wanted) != bodies:
                 return False
         return True
+
+
+def _mirrors(
+    apart: AnyArray, middle: AnyArray, rounded: Callable[[complex], complex]
+) -> Iterator[_Mirror]:
+    """Yield the lines of symmetry that most of the pairs of hinges have.
+
+    apart, middle : (n,), vectors between the two hinges of each pair, and points between them.
+    """
+    across = apart / np.abs(apart)
+    is_backward = (across.real < -EQUAL) | ((np.abs(across.real) <= EQUAL) & (across.imag < 0))
+    across *= np.where(is_backward, -1, 1)
+    level = (middle / across).real
+    columns = [np.round(part, 3).tolist() for part in (across.real, across.imag, level)]
+    for _, k in _frequent(list(zip(*columns, strict=True))):
+        axis = complex(1j * across[k])
+        foot = rounded(complex(level[k] * across[k]))
+        if _is_square(axis):
+            axis = 1 + 0j if abs(axis.real) > abs(axis.imag) else 1j
+        yield _Mirror(foot, foot + axis)
 
 
 def _orbits(parts: set[int], steps: Sequence[Mapping[int, int]]) -> list[list[int]]:

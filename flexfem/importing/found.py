@@ -11,12 +11,11 @@ from flexfem.mechanism.outlines import Segment
 
 
 class DrawnMark(NamedTuple):
-    """A point, line or closed contour on a named layer that says what a part is for, such as GROUND
-    or OUTPUT.
+    """A point, line or closed contour on a layer that says what a part is for, such as GROUND.
 
     points : one point, the corners of an open line from end to end, or those of a closed contour;
-    arcs and circles are
-        polygons of points on them.   closed : whether the last point is joined with the first.
+    arcs and circles are polygons of points on them.
+    closed : whether the last point is joined with the first.
     """
 
     layer: str
@@ -57,9 +56,8 @@ class FoundBody(NamedTuple):
 class FoundHinge(NamedTuple):
     """A hinge between two bodies.
 
-    bodies : indices of its first and second body.   place : its centre.   heading : rad, from the
-    first to the second.
-    shape : as in a mechanism file.
+    bodies : indices of its first and second body.   place : its centre.
+    heading : rad, from the first to the second.   shape : as in a mechanism file.
     dimensions : mm (angles in degrees) by the key of a mechanism file without its unit, such as
     `neck`.
     table : rows of a profile, mm, empty for other shapes.   smooth : whether a smooth curve joins

@@ -1,6 +1,6 @@
-"""What the name of a layer says about its curves: marks of the ground, the output or screws,
-remarks, or metal.
-"""
+"""What the name of a layer says about its curves.
+
+They are marks of the ground, the output or screws, remarks, or metal."""
 
 from __future__ import annotations
 
@@ -29,15 +29,17 @@ SCREWS = re.compile(
 
 
 def is_remark(layer: str) -> bool:
-    """Whether the curves of a layer are dimensions, texts, centre lines or paths of a tool, and no
-    edges of metal.
+    """Whether the curves of a layer are no edges of metal.
+
+    They are dimensions, texts, centre lines or paths of a tool.
     """
     return REMARKS.search(layer) is not None
 
 
 def is_mark(layer: str) -> bool:
-    """Whether a layer marks the ground, the output or what acts on the part; its curves need not be
-    edges of metal.
+    """Whether a layer marks the ground, the output or what acts on the part.
+
+    Its curves need not be edges of metal.
     """
     return MARKS.search(layer) is not None
 

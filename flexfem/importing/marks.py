@@ -1,5 +1,4 @@
-"""Curves on layers such as GROUND or OUTPUT: which of them are edges of metal, and which only mark
-a place.
+"""Curves on layers such as GROUND or OUTPUT: edges of metal, or marks of a place.
 
 The rule: such a curve marks a place. It is an edge of metal as well where the other layers need it,
 which is the case for all curves that are connected with it on such layers, if
@@ -12,7 +11,8 @@ which is the case for all curves that are connected with it on such layers, if
 
 Closed contours within the metal of the other layers, and those that cross its edge, only mark a
 place: what is cut there is drawn on another layer. Layers such as SCREWS and HOLES hold edges of
-metal and mark them."""
+metal and mark them.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ ROUNDS = 8  # of bodies on such layers, each beside the one before
 
 
 class Sorted(NamedTuple):
-    """Curves that are edges of metal, what they enclose, and the layers of marks on which some of
-    them are.
+    """Curves that are edges of metal, and what they enclose.
+
+    layers : layers of marks on which some of them are.
     """
 
     metal: list[DrawnCurve]
@@ -49,7 +50,8 @@ class Sorted(NamedTuple):
 def sorted_curves(curves: Sequence[DrawnCurve], tolerance: float) -> Sorted:
     """Tell edges of metal from curves that only mark a place, by the rule of this module."""
     metal = [curve for curve in curves if not is_mark(curve.layer)]
-    doubtful = _connected([curve for curve in curves if is_mark(curve.layer)], tolerance)
+    marking = [curve for curve in curves if is_mark(curve.layer)]
+    doubtful = _connected(marking, tolerance)
     if not metal:
         metal = list(curves)
         doubtful = []
@@ -90,38 +92,50 @@ def _connected(curves: list[DrawnCurve], tolerance: float) -> list[list[DrawnCur
 
 
 def _is_metal(group: Sequence[DrawnCurve], regions: Regions, tolerance: float) -> bool:
-    """Whether connected curves on layers of marks are edges of metal, next to what other layers
-    enclose.
-    """
-    shapes = Shapes([segment for curve in group for segment in curve.segments])
+    """Whether connected curves on layers of marks are edges of metal, by the rule of this module."""
+    if _meets_an_open_end(group, regions, tolerance):
+        return True
+    enclosed = regions_of(network_of(group, tolerance)).plates
+    filled = [_filled(plate) for plate in enclosed]
+    metal = [_polygon(plate) for plate in regions.plates]
+    return any(_encloses(one, other) or _is_beside(one, other) for one in filled for other in metal)
+
+
+def _meets_an_open_end(group: Sequence[DrawnCurve], regions: Regions, tolerance: float) -> bool:
+    """Whether an open end of the other layers is at one of the curves."""
     ends = np.array([end for chain in regions.open for end in chain.ends], dtype=complex)
-    if len(ends):
-        at, on = shapes.near(ends, tolerance)
-        shares, off = shapes.projected(on, ends[at])
-        beyond = tolerance / np.maximum(shapes.length[on], tolerance)
-        if np.any((off <= tolerance) & (shares > -beyond) & (shares < 1 + beyond)):
-            return True
-    own = regions_of(network_of(group, tolerance))
-    for plate in own.plates:
-        area = shapely.Polygon(
-            polygon_points([edge.segment for edge in plate.outside], FINE)
-        ).buffer(0)
-        for other in regions.plates:
-            metal = _polygon(other)
-            around = shapely.Polygon(metal.exterior)
-            if (
-                around.difference(area).area < INSIDE * metal.area
-                and area.area > (1 + INSIDE) * around.area
-            ):
-                return True
-            beside = metal.buffer(10 * SNAP).intersection(area.boundary).length > 100 * SNAP
-            if beside and metal.intersection(area).area < INSIDE * min(area.area, metal.area):
-                return True
-    return False
+    if not len(ends):
+        return False
+    shapes = Shapes([segment for curve in group for segment in curve.segments])
+    at, on = shapes.near(ends, tolerance)
+    shares, off = shapes.projected(on, ends[at])
+    beyond = tolerance / np.maximum(shapes.length[on], tolerance)
+    return bool(np.any((off <= tolerance) & (shares > -beyond) & (shares < 1 + beyond)))
+
+
+def _encloses(area: shapely.Polygon, metal: shapely.Polygon) -> bool:
+    """Whether an area contains metal of other layers and is larger than it."""
+    around = shapely.Polygon(metal.exterior)
+    outside = around.difference(area).area
+    return bool(outside < INSIDE * metal.area and area.area > (1 + INSIDE) * around.area)
+
+
+def _is_beside(area: shapely.Polygon, metal: shapely.Polygon) -> bool:
+    """Whether an area has an edge in common with metal of other layers, and lies outside it."""
+    common_edge = metal.buffer(10 * SNAP).intersection(area.boundary)
+    if common_edge.length <= 100 * SNAP:
+        return False
+    return bool(metal.intersection(area).area < INSIDE * min(area.area, metal.area))
+
+
+def _filled(plate: DrawnPlate) -> shapely.Polygon:
+    """Return the polygon that the outer contour of a region of metal encloses."""
+    ring = polygon_points([edge.segment for edge in plate.outside], FINE)
+    return shapely.Polygon(ring).buffer(0)
 
 
 def _polygon(plate: DrawnPlate) -> shapely.Polygon:
-    """Return a polygon of a region of metal, with its holes."""
+    """Return the polygon of a region of metal, with its holes."""
     loops = (plate.outside, *plate.holes)
     outside, *holes = (polygon_points([edge.segment for edge in loop], FINE) for loop in loops)
     return shapely.Polygon(outside, holes).buffer(0)
@@ -133,9 +147,9 @@ def marks_of(
     """Return what is on layers that mark a place: points, lines and closed contours."""
     by_layer = dict[str, list[DrawnCurve]]()
     for curve in curves:
-        if is_mark(curve.layer) or is_screws(curve.layer):
+        if _marks_a_place(curve.layer):
             by_layer.setdefault(curve.layer, []).append(curve)
-    marks = [mark for mark in points if is_mark(mark.layer) or is_screws(mark.layer)]
+    marks = [mark for mark in points if _marks_a_place(mark.layer)]
     for layer, members in by_layer.items():
         regions = regions_of(network_of(members, tolerance))
         for plate in regions.plates:
@@ -143,10 +157,13 @@ def marks_of(
                 marks.append(DrawnMark(layer, _points([edge.segment for edge in loop])))
         for chain in regions.open:
             for edge in chain.edges:
-                marks.append(
-                    DrawnMark(layer, (*_points([edge.segment]), edge.segment.end), closed=False)
-                )
+                line = (*_points([edge.segment]), edge.segment.end)
+                marks.append(DrawnMark(layer, line, closed=False))
     return tuple(marks)
+
+
+def _marks_a_place(layer: str) -> bool:
+    return is_mark(layer) or is_screws(layer)
 
 
 def _points(segments: Sequence[Segment]) -> tuple[complex, ...]:

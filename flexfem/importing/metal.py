@@ -1,6 +1,4 @@
-"""What surrounds the hinges of a plate: whether the metal widens beyond them, and where else it is
-narrow.
-"""
+"""What surrounds the hinges of a plate: where the metal widens, and where else it is narrow."""
 
 from __future__ import annotations
 
@@ -15,28 +13,13 @@ from flexfem.importing.shapes import Fit
 from flexfem.mechanism.outlines import Segment, polygon_points
 
 WIDENS = 1.6  # width of a body near the end of a hinge, per height of this end
-BEYOND = (
-    0.5,
-    1.0,
-    1.5,
-    2.0,
-    3.0,
-    4.0,
-)  # distances from the end of a hinge, per height of this end, where it widens
-ASIDE = (
-    -2.0,
-    -1.0,
-    -0.5,
-    0.0,
-    0.5,
-    1.0,
-    2.0,
-)  # of them, distances from the axis, per height of this end
+# Places where a body widens, per height of the end of a hinge: beyond this end, and off the axis.
+BEYOND = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+ASIDE = (-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0)
 STEP = np.pi / 64  # rad of arc per side of the polygon from which distances are taken
 SLENDER = 1.5  # width of slender metal per width of its narrowest place
-WITHIN = (
-    0.49  # distance from the middle of a hinge, per length or height, of what is surely inside it
-)
+# Distance from the middle of a hinge, per length or height, of what is surely inside it.
+WITHIN = 0.49
 
 
 class Room:
@@ -94,15 +77,16 @@ class Paths:
     def beyond(
         self, chord: int, side: int, widest: float, reach: float
     ) -> Iterator[tuple[int, int]]:
-        """Yield the chords, and triangles behind them, on one side of a chord that narrower and
-        near ones lead to.
+        """Yield the chords, and triangles behind them, on one side of a chord.
+
+        Chords that are narrower than `widest` and nearer than `reach`, mm, lead to them.
         """
         start = int(self.triangles.beside[chord, side])
         stack = [start]
         seen = {start}
         while stack:
             triangle = stack.pop()
-            for other in self._chords[self._first[triangle] : self._first[triangle + 1]].tolist():
+            for other in self._chords_of(triangle):
                 ends = self.triangles.beside[other].tolist()
                 behind = ends[0] if ends[1] == triangle else ends[1]
                 if other == chord or behind in seen:
@@ -112,6 +96,11 @@ class Paths:
                 is_near = abs(self.middles[other] - self.middles[chord]) < reach
                 if is_near and self.triangles.lengths[other] < widest:
                     stack.append(behind)
+
+    def _chords_of(self, triangle: int) -> list[int]:
+        """Return the chords at a triangle."""
+        own = slice(self._first[triangle], self._first[triangle + 1])
+        return list(self._chords[own].tolist())
 
     def slender(self, necks: Sequence[Neck]) -> tuple[Any, ...]:
         """Return the polygons of the narrow metal at necks."""

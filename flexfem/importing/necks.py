@@ -1,11 +1,11 @@
-"""Narrow places between wide parts of a plate, found at all sizes by the Delaunay triangles of
-points on its edge.
+"""Narrow places between wide parts of a plate, by Delaunay triangles of points on its edge.
 
 A side of a triangle that crosses the metal is a chord: half its length is the radius of a disc that
 just passes there. The metal is flooded from the widest chords on. Where two parts meet at a chord
 that is several times narrower than the widest chords of both, they are two bodies and the chord
 lies in a hinge. Otherwise they become one part. Every hinge is so compared with what it connects,
-whatever the size of the others."""
+whatever the size of the others.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +20,15 @@ from scipy.spatial import Delaunay
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.mechanism.outlines import Segment
 
-# width of the narrower of two parts per width of the chord between them, from which it may be a
-# hinge
-NARROWER = 1.5
+NARROWER = 1.5  # width of the narrower of two parts per chord between them, for a hinge
 ROUNDS = 14  # in which points are added, each time in the middle between two
 PER_WIDTH = 1.0  # distance of points on the edge per width of the metal there
 FEW = 2e-4  # points per point from which it is too far to the next, that are left as they are
 AROUND = 3.0  # way along the edge between two points per distance, below which they face no metal
 PER_EXTENT = 1 / 60  # distance of the first points, per extent of the plate
 FIRST_TURN = np.pi / 12  # of an arc between two of the first points
-BEYOND = 2.0  # distance of the auxiliary points around the plate, per extent
+AUXILIARY = 4  # points around the plate
+BEYOND = 2.0  # their distance, per extent
 
 
 class Place(NamedTuple):
@@ -41,11 +40,11 @@ class Place(NamedTuple):
 
 
 class Neck(NamedTuple):
-    """A chord in a narrow part of the metal: two places of the edge that face each other, and its
-    length, mm.
+    """A chord in a narrow part of the metal: two places of the edge, and its length, mm.
 
-    beyond : mm, longest chord of the narrower of the two parts that it connects.   chord : its
-    index."""
+    beyond : mm, longest chord of the narrower of the two parts that it connects.
+    chord : its index.
+    """
 
     right: Place
     left: Place
@@ -58,9 +57,9 @@ class Triangles(NamedTuple):
     """Triangles of the metal between points of its edge.
 
     points : (n,), complex, mm.   corners : (t, 3), counter-clockwise.
-    chords : (c, 2), the two points of every side that crosses the metal.   beside : (c, 2), the
-    triangles at it.
-    lengths : (c,), mm, of the chords.   loop, segment, share : (n,), the place of every point.
+    chords : (c, 2), the two points of every side that crosses the metal.
+    beside : (c, 2), the triangles at it.   lengths : (c,), mm, of the chords.
+    loop, segment, share : (n,), the place of every point.
     """
 
     points: AnyArray
@@ -85,9 +84,7 @@ class _Edge:
         self.start = np.array([segment.start for segment in segments])
         self.end = np.array([segment.end for segment in segments])
         self.is_arc = np.array([segment.centre is not None for segment in segments])
-        self.centre = np.array(
-            [0j if segment.centre is None else segment.centre for segment in segments]
-        )
+        self.centre = np.array([segment.centre or 0j for segment in segments])
         self.turn = np.array([segment.turn for segment in segments])
         self.length = np.array([segment.length for segment in segments])
         self.loop = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])
@@ -134,77 +131,70 @@ class _Edge:
 
 
 def triangles_of(loops: Sequence[Sequence[Segment]]) -> Triangles:
-    """Return the triangles of the metal inside closed loops, with points as close as the metal is
-    narrow.
+    """Return the triangles of the metal inside closed loops.
+
+    Their points are as close as the metal is narrow.
     """
     edge = _Edge(loops)
-    for last in [*[False] * (ROUNDS - 1), True]:
-        found, missing = _triangles(edge)
+    found, missing = _triangles(edge)
+    for _ in range(ROUNDS - 1):
         coarse = missing | _too_coarse(edge, found)
-        if last or (not missing.any() and np.count_nonzero(coarse) <= FEW * len(coarse)):
-            return found
+        if not missing.any() and np.count_nonzero(coarse) <= FEW * len(coarse):
+            break
         edge.halve(coarse)
-    raise AssertionError
+        found, missing = _triangles(edge)
+    return found
+
+
+class _Sides(NamedTuple):
+    """The sides (t, 3) of triangles, each opposite to a corner, and what they have to do with the edge.
+
+    start, end : points.   ahead, behind : whether a side follows the edge in its sense, or against
+    it.
+    """
+
+    start: Index
+    end: Index
+    ahead: AnyArray
+    behind: AnyArray
+
+
+def _sides(corners: Index, following: Index) -> _Sides:
+    """Return the sides of triangles; the edge goes from each point (n,) to the following one."""
+    start = corners[:, [1, 2, 0]]
+    end = corners[:, [2, 0, 1]]
+    after = np.append(following, [-1] * AUXILIARY)
+    return _Sides(start, end, after[start] == end, after[end] == start)
 
 
 def _triangles(edge: _Edge) -> tuple[Triangles, AnyArray]:
-    """Return the triangles of the metal, and which points (n,) no side of a triangle connects with
-    the next.
-    """
+    """Return the triangles of the metal, and the points (n,) that none connects with the next."""
     points = edge.points
-    following = edge.following
-    n = len(points)
-    around = np.mean(points) + BEYOND * edge.extent * 1j ** np.arange(4)
+    around = np.mean(points) + BEYOND * edge.extent * 1j ** np.arange(AUXILIARY)
     z = np.append(points, around)
     delaunay = Delaunay(np.column_stack([z.real, z.imag]) - [z[0].real, z[0].imag])
     corners = delaunay.simplices.astype(np.int64)
-    after = np.append(following, [-1] * 4)
-    from_ = corners[:, [1, 2, 0]]
-    to = corners[:, [2, 0, 1]]  # the side opposite to each corner
-    ahead = after[from_] == to
-    behind = after[to] == from_
-    is_metal = _inside(delaunay.neighbors, ahead, behind) & np.all(corners < n, axis=1)
-    missing = np.ones(n, dtype=bool)
-    missing[from_[ahead]] = False
-    other = delaunay.neighbors
-    crossing = (
-        is_metal[:, None] & is_metal[other] & ~ahead & (np.arange(len(corners))[:, None] < other)
-    )
-    triangle, side = np.nonzero(crossing)
-    number = np.cumsum(is_metal) - 1
-    beside = number[np.column_stack([triangle, other[triangle, side]])]
-    chords = np.column_stack([from_[triangle, side], to[triangle, side]])
-    lengths = np.abs(z[chords[:, 0]] - z[chords[:, 1]])
-    places = (
-        edge.loop[edge.segment],
-        edge.segment - edge.first[edge.loop[edge.segment]],
+    sides = _sides(corners, edge.following)
+    missing = np.ones(len(points), dtype=bool)
+    missing[sides.start[sides.ahead]] = False
+    is_metal = _inside(delaunay.neighbors, sides) & np.all(corners < len(points), axis=1)
+    beside, chords = _chords(delaunay.neighbors, sides, is_metal)
+    loop = edge.loop[edge.segment]
+    found = Triangles(
+        points,
+        corners[is_metal],
+        chords,
+        beside,
+        np.abs(z[chords[:, 0]] - z[chords[:, 1]]),
+        loop,
+        edge.segment - edge.first[loop],
         edge.share,
     )
-    return Triangles(points, corners[is_metal], chords, beside, lengths, *places), missing
-
-
-def _inside(neighbours: Index, ahead: AnyArray, behind: AnyArray) -> AnyArray:
-    """Return which triangles (t,) are metal: those to the left of the edge, and what they reach
-    without crossing it.
-
-    neighbours : (t, 3).   ahead, behind : (t, 3), whether a side follows the edge in its sense, or
-    against it."""
-    count = len(neighbours)
-    triangle, side = np.nonzero(~(ahead | behind) & (neighbours >= 0))
-    links = sp.coo_array(
-        (np.ones(len(triangle)), (triangle, neighbours[triangle, side])), shape=(count, count)
-    )
-    parts, part = connected_components(links, directed=False)
-    votes = np.bincount(
-        part, np.sum(ahead, axis=1, dtype=float) - np.sum(behind, axis=1), minlength=parts
-    )
-    return np.asarray(votes[part] > 0)
+    return found, missing
 
 
 def _too_coarse(edge: _Edge, found: Triangles) -> AnyArray:
-    """Return the points (n,) from which it is too far to the next, for the width of the metal at
-    both.
-    """
+    """Return the points (n,) from which it is too far to the next, for the width of the metal."""
     steps = edge.steps
     way = np.cumsum(steps) - steps
     total = np.bincount(found.loop, steps)
@@ -235,16 +225,46 @@ class _Parts:
 
     def join(self, one: int, other: int) -> None:
         """Make one part of two."""
-        wider, narrower = (one, other) if self.widest[one] >= self.widest[other] else (other, one)
-        self.of[narrower] = wider
+        if self.widest[one] >= self.widest[other]:
+            self.of[other] = one
+        else:
+            self.of[one] = other
+
+
+def _chords(neighbours: Index, sides: _Sides, is_metal: AnyArray) -> tuple[Index, Index]:
+    """Return the numbers (c, 2) of the triangles of metal at every chord, and its points (c, 2)."""
+    index = np.arange(len(is_metal))[:, None]
+    inside = is_metal[:, None] & is_metal[neighbours]
+    triangle, side = np.nonzero(inside & ~sides.ahead & (index < neighbours))
+    number = np.cumsum(is_metal) - 1
+    beside = number[np.column_stack([triangle, neighbours[triangle, side]])]
+    chords = np.column_stack([sides.start[triangle, side], sides.end[triangle, side]])
+    return beside, chords
+
+
+def _inside(neighbours: Index, sides: _Sides) -> AnyArray:
+    """Return which triangles (t,) are metal.
+
+    They are those to the left of the edge, and what they reach without crossing it. neighbours :
+    (t, 3).
+    """
+    count = len(neighbours)
+    on_edge = sides.ahead | sides.behind
+    triangle, side = np.nonzero(~on_edge & (neighbours >= 0))
+    links = sp.coo_array(
+        (np.ones(len(triangle)), (triangle, neighbours[triangle, side])), shape=(count, count)
+    )
+    parts, part = connected_components(links, directed=False)
+    votes = np.sum(sides.ahead, axis=1, dtype=float) - np.sum(sides.behind, axis=1)
+    return np.asarray(np.bincount(part, votes, minlength=parts)[part] > 0)
 
 
 def necks_of(found: Triangles, narrower: float = NARROWER) -> tuple[list[Neck], list[Neck]]:
-    """Return the chords in hinges between two bodies, and those in narrow places between a body and
-    itself.
+    """Return the chords in hinges between two bodies, and in narrow places of one body.
 
     narrower : width of the narrower of two parts per width of the chord between them, from which
-    they are two bodies."""
+    they are two bodies.
+    """
     widest = np.zeros(len(found.corners))
     for side in found.beside.T:
         np.maximum.at(widest, side, found.lengths)
@@ -257,14 +277,15 @@ def necks_of(found: Triangles, narrower: float = NARROWER) -> tuple[list[Neck], 
         one, other = map(parts.find, beside[chord])
         beyond = min(parts.widest[one], parts.widest[other])
         if beyond > narrower * lengths[chord]:
-            (closing if one == other else between).append(_neck(found, chord, beyond))
+            kind = closing if one == other else between
+            kind.append(_neck(found, chord, beyond))
         elif one != other:
             parts.join(one, other)
-    separate = [
-        each
-        for each in between
-        if parts.find(beside[each.chord][0]) != parts.find(beside[each.chord][1])
-    ]
+    separate = list[Neck]()
+    for neck in between:
+        one, other = map(parts.find, beside[neck.chord])
+        if one != other:
+            separate.append(neck)
     return separate, closing
 
 

@@ -1,6 +1,6 @@
-"""Curves of a drawing joined at their ends: vertices and edges, without doubles, with small gaps
-closed; mm.
-"""
+"""Curves of a drawing joined at their ends to a network of vertices and edges; mm.
+
+Edges that are drawn more than once are one, and small gaps are closed."""
 
 from __future__ import annotations
 
@@ -22,12 +22,14 @@ from flexfem.refused import BadInput
 SNAP = 1e-4  # mm; ends at a smaller distance are one point: programs round coordinates
 SAME = 5e-4  # mm; two edges between the same vertices with middles at a smaller distance are one
 MOST_PAIRS = 3_000_000  # of curves or points whose boxes overlap
-AT_ONCE = 256  # points or boxes that are searched together, which limits the memory
 TOO_DENSE = (
     f"more than {MOST_PAIRS:,} pairs of curves over each other, expected the contours of a part"
 )
+AT_ONCE = 256  # points or boxes that are searched together, which limits the memory
 ROUNDS = 3  # of closing gaps; an end that is moved to a line divides the line
 NEAREST = 6  # open ends that are tried for each
+LEAST_SINE = 0.05  # of the angle between two lines that may meet where they cross
+BOX_POINTS = 9  # along a curve, for the box around it
 
 
 class Edge(NamedTuple):
@@ -42,10 +44,15 @@ class Edge(NamedTuple):
     curve: int
     times: int = 1
 
+    def other_end(self, vertex: int) -> int:
+        """Return the vertex at the other end."""
+        return self.end if self.start == vertex else self.start
+
 
 class CurveNetwork(NamedTuple):
-    """Vertices (n,), complex, and edges between them; `gaps` that were closed, mm, and the number
-    of `doubles`.
+    """Vertices (n,), complex, and edges between them.
+
+    gaps : those that were closed, mm.   doubles : number of edges that were drawn again.
     """
 
     points: AnyArray
@@ -53,11 +60,40 @@ class CurveNetwork(NamedTuple):
     gaps: tuple[float, ...] = ()
     doubles: int = 0
 
+    @property
+    def shapes(self) -> Shapes:
+        """Lines and arcs of the edges."""
+        return Shapes([edge.segment for edge in self.edges])
+
     def degrees(self) -> AnyArray:
         """Number of edges (n,) at each vertex."""
-        return np.bincount(
-            [v for edge in self.edges for v in (edge.start, edge.end)], minlength=len(self.points)
-        )
+        ends = [vertex for edge in self.edges for vertex in (edge.start, edge.end)]
+        return np.bincount(ends, minlength=len(self.points))
+
+    def edges_at(self) -> defaultdict[int, list[int]]:
+        """Indices of the edges at each vertex."""
+        found = defaultdict[int, list[int]](list)
+        for k, edge in enumerate(self.edges):
+            found[edge.start].append(k)
+            found[edge.end].append(k)
+        return found
+
+    def without(self, removed: Iterable[int]) -> CurveNetwork:
+        """Return the network without edges of some indices."""
+        left_out = set(removed)
+        kept = [edge for k, edge in enumerate(self.edges) if k not in left_out]
+        return self._replace(edges=kept)
+
+
+def connected(edges: Sequence[Edge], size: int) -> AnyArray:
+    """Return the number (size,) of the connected part that each vertex is in."""
+    return _parts(np.array([edge[1:3] for edge in edges], dtype=int).reshape(-1, 2), size)
+
+
+def _parts(pairs: AnyArray, size: int) -> AnyArray:
+    """Return the number (size,) of the part of each of `size` things that pairs (n, 2) connect."""
+    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(size, size))
+    return np.asarray(connected_components(links, directed=False)[1])
 
 
 class Shapes:
@@ -65,28 +101,33 @@ class Shapes:
 
     def __init__(self, segments: Sequence[Segment]) -> None:
         nowhere = complex(np.nan, np.nan)
+        centres = [nowhere if each.centre is None else each.centre for each in segments]
         self.start = np.array([each.start for each in segments], dtype=complex)
         self.end = np.array([each.end for each in segments], dtype=complex)
-        self.centre = np.array(
-            [nowhere if each.centre is None else each.centre for each in segments], dtype=complex
-        )
+        self.centre = np.array(centres, dtype=complex)
         self.curved = ~np.isnan(self.centre.real)
         with np.errstate(invalid="ignore", divide="ignore"):
-            self.turn = np.where(
-                self.curved, np.angle((self.end - self.centre) / (self.start - self.centre)), 0.0
-            )
+            turn = np.angle((self.end - self.centre) / (self.start - self.centre))
+        self.turn = np.where(self.curved, turn, 0.0)
         self.radius = np.abs(self.start - self.centre)
-        self.length = np.where(
-            self.curved, self.radius * np.abs(self.turn), np.abs(self.end - self.start)
-        )
-        sampled = self.at(np.arange(len(segments)), np.linspace(0, 1, 9))
-        aside = np.where(
-            self.curved, self.radius * (1 - np.cos(self.turn / 16)), 0.0
-        )  # between two samples
-        low = sampled.real.min(axis=1) - aside, sampled.imag.min(axis=1) - aside
-        high = sampled.real.max(axis=1) + aside, sampled.imag.max(axis=1) + aside
-        self.boxes = shapely.box(*low, *high)
+        chord = np.abs(self.end - self.start)
+        self.length = np.where(self.curved, self.radius * np.abs(self.turn), chord)
+        self.boxes = self._boxes()
         self.tree = shapely.STRtree(self.boxes)
+
+    def _boxes(self) -> AnyArray:
+        """Return a box around each line and arc."""
+        sampled = self.at(np.arange(len(self.start)), np.linspace(0, 1, BOX_POINTS))
+        rise = self.radius * (1 - np.cos(self.turn / (2 * BOX_POINTS - 2)))
+        aside = np.where(self.curved, rise, 0.0)  # between two samples
+        return np.asarray(
+            shapely.box(
+                sampled.real.min(axis=1) - aside,
+                sampled.imag.min(axis=1) - aside,
+                sampled.real.max(axis=1) + aside,
+                sampled.imag.max(axis=1) + aside,
+            )
+        )
 
     def at(self, which: AnyArray, shares: Array) -> AnyArray:
         """Points (n, k) of n segments at shares (k,) of their lengths."""
@@ -94,34 +135,35 @@ class Shapes:
         end = self.end[which, None]
         centre = np.where(self.curved, self.centre, 0.0)[which, None]
         bent = centre + (start - centre) * np.exp(1j * self.turn[which, None] * shares)
-        return np.asarray(np.where(self.curved[which, None], bent, start + (end - start) * shares))
+        straight = start + (end - start) * shares
+        return np.asarray(np.where(self.curved[which, None], bent, straight))
 
     def projected(self, which: AnyArray, points: AnyArray) -> tuple[Array, Array]:
-        """Shares (n,) of points (n,) projected on n segments, and distances (n,) from lines and
-        circles, mm.
+        """Shares (n,) of points (n,) projected on n segments, and distances (n,), mm.
+
+        The distances are those from whole lines and circles.
         """
         start = self.start[which]
         end = self.end[which]
         centre = self.centre[which]
+        turn = self.turn[which]
+        curved = self.curved[which]
         with np.errstate(invalid="ignore", divide="ignore"):
             ahead = (points - start) / (end - start)
-            turn = self.turn[which]
             swept = np.angle((points - centre) / (start - centre) * np.exp(-0.5j * turn))
             of_arcs = 0.5 + swept / turn
             off_arcs = np.abs(np.abs(points - centre) - self.radius[which])
-        curved = self.curved[which]
-        off = np.where(curved, off_arcs, np.abs(ahead.imag) * np.abs(end - start))
-        return np.where(curved, of_arcs, ahead.real), off
+        off_lines = np.abs(ahead.imag) * np.abs(end - start)
+        return np.where(curved, of_arcs, ahead.real), np.where(curved, off_arcs, off_lines)
 
     def near(self, points: AnyArray, distance: float) -> tuple[AnyArray, AnyArray]:
         """Indices of points, and of segments whose boxes are within a distance of them."""
-        at = np.array([*map(shapely.Point, points.real, points.imag)], dtype=object)
+        dots = np.array([*map(shapely.Point, points.real, points.imag)], dtype=object)
         found = [np.empty((2, 0), dtype=int)]
         number = 0
-        for first in range(0, len(at), AT_ONCE):
-            pairs = self.tree.query(
-                at[first : first + AT_ONCE], predicate="dwithin", distance=distance
-            )
+        for first in range(0, len(dots), AT_ONCE):
+            some = dots[first : first + AT_ONCE]
+            pairs = self.tree.query(some, predicate="dwithin", distance=distance)
             number += pairs.shape[1]
             if number > MOST_PAIRS:
                 raise BadInput(TOO_DENSE)
@@ -144,8 +186,9 @@ class Shapes:
 
 
 def network_of(curves: Sequence[DrawnCurve], tolerance: float) -> CurveNetwork:
-    """Join curves at their ends and where an end lies on another curve; gaps up to a tolerance, mm,
-    are closed.
+    """Join curves at their ends, and where an end lies on another curve.
+
+    Gaps up to a tolerance, mm, are closed.
     """
     network = _without_doubles(_divided(_snapped(curves), SNAP))
     for _ in range(ROUNDS):
@@ -159,41 +202,39 @@ def network_of(curves: Sequence[DrawnCurve], tolerance: float) -> CurveNetwork:
 
 def _snapped(curves: Sequence[DrawnCurve]) -> CurveNetwork:
     """Let ends at distances below `SNAP` be one vertex; edges without length are left out."""
-    segments = [segment for curve in curves for segment in curve.segments]
-    owners = [k for k, curve in enumerate(curves) for _ in curve.segments]
-    ends = np.array([(segment.start, segment.end) for segment in segments], dtype=complex).ravel()
+    drawn = [(owner, segment) for owner, curve in enumerate(curves) for segment in curve.segments]
+    ends = np.array([(each.start, each.end) for _, each in drawn], dtype=complex).ravel()
     if not len(ends):
         return CurveNetwork(ends, [])
-    fine = np.round(np.column_stack([ends.real, ends.imag]) / (SNAP / 4))
-    _, first, index = np.unique(fine, axis=0, return_index=True, return_inverse=True)
-    places = ends[first]
-    pairs = cKDTree(np.column_stack([places.real, places.imag])).query_pairs(
-        SNAP, output_type="ndarray"
-    )
-    links = coo_matrix(
-        (np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(places), len(places))
-    )
-    number, labels = connected_components(links, directed=False)
-    points = np.empty(number, dtype=complex)
-    points[labels[::-1]] = places[::-1]
-    vertices = labels[np.ravel(index)].reshape(-1, 2).tolist()
+    points, vertices = _merged(ends)
     edges = list[Edge]()
-    for segment, owner, (start, end) in zip(segments, owners, vertices, strict=True):
+    for (owner, segment), (start, end) in zip(drawn, vertices.reshape(-1, 2).tolist(), strict=True):
         if start != end:
-            edges.append(
-                Edge(
-                    with_ends(segment, complex(points[start]), complex(points[end])),
-                    start,
-                    end,
-                    owner,
-                )
-            )
+            moved = with_ends(segment, complex(points[start]), complex(points[end]))
+            edges.append(Edge(moved, start, end, owner))
     return CurveNetwork(points, edges)
 
 
+def _merged(ends: AnyArray) -> tuple[AnyArray, AnyArray]:
+    """Return places in which ends (n,) at distances below `SNAP` are one, and their indices (n,)."""
+    fine = np.round(_columns(ends) / (SNAP / 4))
+    _, first, index = np.unique(fine, axis=0, return_index=True, return_inverse=True)
+    places = ends[first]
+    pairs = cKDTree(_columns(places)).query_pairs(SNAP, output_type="ndarray")
+    labels = _parts(pairs, len(places))
+    points = np.empty(int(labels.max()) + 1, dtype=complex)
+    points[labels[::-1]] = places[::-1]  # the first of each part
+    return points, labels[np.ravel(index)]
+
+
+def _columns(points: AnyArray) -> Array:
+    return np.column_stack([points.real, points.imag])
+
+
 def _without_doubles(network: CurveNetwork) -> CurveNetwork:
-    """Let edges between the same vertices that run along each other be one, with the number of
-    their curves.
+    """Let edges between the same vertices that run along each other be one.
+
+    It has the number of their curves.
     """
     between = defaultdict[tuple[int, int], list[Edge]](list)
     doubles = network.doubles
@@ -201,45 +242,41 @@ def _without_doubles(network: CurveNetwork) -> CurveNetwork:
         if edge.start == edge.end:
             continue
         alike = between[min(edge.start, edge.end), max(edge.start, edge.end)]
-        middle = complex(edge.segment.at(0.5))
-        for k, other in enumerate(alike):
-            if abs(complex(other.segment.at(0.5)) - middle) < SAME:
-                alike[k] = other._replace(
-                    times=other.times + (edge.curve != other.curve) * edge.times
-                )
-                doubles += 1
-                break
-        else:
+        double = _index_of_double(edge, alike)
+        if double is None:
             alike.append(edge)
+            continue
+        other = alike[double]
+        if edge.curve != other.curve:
+            alike[double] = other._replace(times=other.times + edge.times)
+        doubles += 1
     edges = [edge for alike in between.values() for edge in alike]
     return network._replace(edges=edges, doubles=doubles)
 
 
+def _index_of_double(edge: Edge, alike: Sequence[Edge]) -> int | None:
+    """Return which of the edges between the same vertices an edge runs along, None for none."""
+    middle = complex(edge.segment.at(0.5))
+    for k, other in enumerate(alike):
+        if abs(complex(other.segment.at(0.5)) - middle) < SAME:
+            return k
+    return None
+
+
 def _divided(network: CurveNetwork, distance: float) -> CurveNetwork:
-    """Divide edges at vertices that lie on them."""
+    """Divide edges at vertices that lie within a distance of them."""
     if not network.edges:
         return network
     used = np.flatnonzero(network.degrees())
-    at, on = Shapes([edge.segment for edge in network.edges]).near(network.points[used], distance)
-    return _divided_at(network, used[at], on, distance)
-
-
-def _divided_at(
-    network: CurveNetwork, vertices: AnyArray, on: AnyArray, distance: float
-) -> CurveNetwork:
-    """Divide edges `on` at vertices of which they are no ends, if these lie within a distance of
-    them.
-    """
-    shapes = Shapes([edge.segment for edge in network.edges])
-    points = network.points[vertices]
-    shares, off = shapes.projected(on, points)
+    shapes = network.shapes
+    at, on = shapes.near(network.points[used], distance)
+    vertices = used[at]
+    shares, off = shapes.projected(on, network.points[vertices])
     length = shapes.length[on]
     inside = (off <= distance) & (shares * length > SNAP) & ((1 - shares) * length > SNAP)
     cuts = defaultdict[int, list[tuple[float, int]]](list)
-    for edge, vertex, share in zip(
-        on[inside].tolist(), vertices[inside].tolist(), shares[inside].tolist(), strict=True
-    ):
-        cuts[edge].append((share, vertex))
+    for k in np.flatnonzero(inside).tolist():
+        cuts[int(on[k])].append((float(shares[k]), int(vertices[k])))
     edges = list[Edge]()
     for k, edge in enumerate(network.edges):
         if k in cuts:
@@ -253,44 +290,42 @@ def _pieces(edge: Edge, between: Iterable[int], points: AnyArray) -> list[Edge]:
     """Return the parts of an edge that is divided at vertices in their order along it."""
     pieces = list[Edge]()
     start = edge.start
-    for end in (*(v for v in between if v not in (edge.start, edge.end)), edge.end):
+    inner = [vertex for vertex in between if vertex not in (edge.start, edge.end)]
+    for end in (*inner, edge.end):
         if end != start:
-            segment = Segment(complex(points[start]), complex(points[end]), edge.segment.centre)
-            pieces.append(
-                edge._replace(segment=with_ends(segment, *segment[:2]), start=start, end=end)
-            )
+            low = complex(points[start])
+            high = complex(points[end])
+            segment = with_ends(Segment(low, high, edge.segment.centre), low, high)
+            pieces.append(edge._replace(segment=segment, start=start, end=end))
             start = end
     return pieces
 
 
 def _ends_joined(network: CurveNetwork, tolerance: float) -> CurveNetwork:
-    """Join open ends with the nearest other open end, else with the nearest vertex, within a
-    tolerance.
+    """Join open ends with the nearest other open end, else with the nearest vertex.
+
+    Only what is within a tolerance, mm, is joined.
     """
-    open_ends = np.flatnonzero(network.degrees() == 1)
-    if len(open_ends) < 1:
+    degrees = network.degrees()
+    open_ends = np.flatnonzero(degrees == 1)
+    if not len(open_ends):
         return network
-    at = {v: edge for edge in network.edges for v in (edge.start, edge.end)}
+    edge_of = {vertex: edge for edge in network.edges for vertex in (edge.start, edge.end)}
     places = network.points.copy()
     moved = dict[int, int]()
+    joined = set[int]()
     gaps = list(network.gaps)
     for gap, one, other in _nearest_pairs(network.points, open_ends, open_ends, tolerance):
-        if (
-            {one, other} & moved.keys()
-            or other in moved.values()
-            or one in moved.values()
-            or at[one] is at[other]
-        ):
+        if one in joined or other in joined or edge_of[one] is edge_of[other]:
             continue
-        places[other] = _corner(network.points, at[one], one, at[other], other)
+        places[other] = _corner(network.points, edge_of[one], one, edge_of[other], other)
         moved[one] = other
+        joined |= {one, other}
         gaps.append(gap)
-    used = np.flatnonzero(network.degrees() > 1)
-    left = np.array(
-        [v for v in open_ends.tolist() if v not in moved and v not in moved.values()], dtype=int
-    )
+    left = np.array([vertex for vertex in open_ends.tolist() if vertex not in joined], dtype=int)
+    used = np.flatnonzero(degrees > 1)
     for gap, one, other in _nearest_pairs(network.points, left, used, tolerance):
-        if one not in moved and other not in (at[one].start, at[one].end):
+        if one not in moved and other not in (edge_of[one].start, edge_of[one].end):
             moved[one] = other
             gaps.append(gap)
     return _with_vertices(network._replace(points=places, gaps=tuple(gaps)), moved)
@@ -302,41 +337,45 @@ def _nearest_pairs(
     """Distances and pairs of vertices within `most` of each other, the nearest first."""
     if not len(ones) or not len(others):
         return []
-    xy = np.column_stack([points.real, points.imag])
-    distances, found = cKDTree(xy[others]).query(
-        xy[ones], k=min(NEAREST, len(others)), distance_upper_bound=most
+    places = _columns(points)
+    number = min(NEAREST, len(others))
+    distances, found = cKDTree(places[others]).query(
+        places[ones], k=number, distance_upper_bound=most
     )
-    pairs = list[tuple[float, int, int]]()
     near = np.reshape(distances, (len(ones), -1))
+    nearest = np.reshape(found, near.shape)
+    pairs = list[tuple[float, int, int]]()
     for row, column in np.argwhere(np.isfinite(near)).tolist():
         one = int(ones[row])
-        other = int(others[np.reshape(found, near.shape)[row, column]])
+        other = int(others[nearest[row, column]])
         if one != other:
             pairs.append((float(near[row, column]), one, other))
     return sorted(pairs)
 
 
 def _corner(points: AnyArray, first: Edge, one: int, second: Edge, other: int) -> complex:
-    """Point at which two edges meet: where their lines cross if that is near, else the middle of
-    the gap.
+    """Point at which two edges meet, near the gap between their ends.
+
+    It is where their lines cross if that is near, else the middle of the gap.
     """
     a = complex(points[one])
     b = complex(points[other])
     middle = (a + b) / 2
-    if first.segment.centre is None and second.segment.centre is None:
-        u = first.segment.end - first.segment.start
-        v = second.segment.end - second.segment.start
-        area = (u.conjugate() * v).imag
-        if abs(area) > 0.05 * abs(u) * abs(v):
-            crossing = a + u * ((b - a).conjugate() * v).imag / area
-            if abs(crossing - middle) < 2 * abs(b - a):
-                return crossing
-    return middle
+    if first.segment.centre is not None or second.segment.centre is not None:
+        return middle
+    u = first.segment.end - first.segment.start
+    v = second.segment.end - second.segment.start
+    area = (u.conjugate() * v).imag
+    if abs(area) <= LEAST_SINE * abs(u) * abs(v):
+        return middle
+    crossing = a + u * ((b - a).conjugate() * v).imag / area
+    return crossing if abs(crossing - middle) < 2 * abs(b - a) else middle
 
 
 def _with_vertices(network: CurveNetwork, moved: dict[int, int]) -> CurveNetwork:
-    """Return the network with vertices replaced by others, and its edges between the places of
-    their vertices.
+    """Return the network with vertices replaced by others.
+
+    Its edges are between the places of their vertices.
     """
     edges = list[Edge]()
     for edge in network.edges:
@@ -344,48 +383,53 @@ def _with_vertices(network: CurveNetwork, moved: dict[int, int]) -> CurveNetwork
         end = moved.get(edge.end, edge.end)
         if start == end:
             continue
+        segment = edge.segment
         a = complex(network.points[start])
         b = complex(network.points[end])
-        same = a == edge.segment.start and b == edge.segment.end
-        edges.append(
-            Edge(
-                edge.segment if same else with_ends(edge.segment, a, b),
-                start,
-                end,
-                edge.curve,
-                edge.times,
-            )
-        )
+        if a != segment.start or b != segment.end:
+            segment = with_ends(segment, a, b)
+        edges.append(Edge(segment, start, end, edge.curve, edge.times))
     return network._replace(edges=edges)
+
+
+class _Foot(NamedTuple):
+    """Where an open end lies beside an edge: its distance, mm, the edge and the share of it."""
+
+    gap: float
+    edge: int
+    share: float
 
 
 def _ends_on_lines(network: CurveNetwork, tolerance: float) -> CurveNetwork:
     """Move open ends onto the nearest other edge within a tolerance, and divide it there."""
-    open_ends = np.flatnonzero(network.degrees() == 1)
-    if not len(open_ends):
-        return network
-    shapes = Shapes([edge.segment for edge in network.edges])
-    which, on = shapes.near(network.points[open_ends], tolerance)
-    vertices = open_ends[which]
-    own = np.array(
-        [v in network.edges[k][1:3] for v, k in zip(vertices.tolist(), on.tolist(), strict=True)],
-        dtype=bool,
-    )
-    vertices = vertices[~own]
-    on = on[~own]
-    shares, off = shapes.projected(on, network.points[vertices])
-    within = (off <= tolerance) & (shares > 0) & (shares < 1)
-    nearest = dict[int, tuple[float, int, float]]()
-    for v, edge, share, gap in zip(
-        *(part[within].tolist() for part in (vertices, on, shares, off)), strict=True
-    ):
-        if v not in nearest or gap < nearest[v][0]:
-            nearest[v] = (gap, edge, share)
-    if not nearest:
+    feet = _feet_of_ends(network, tolerance)
+    if not feet:
         return network
     points = network.points.copy()
-    for v, (_, edge, share) in nearest.items():
-        points[v] = complex(network.edges[edge].segment.at(share))
+    for vertex, foot in feet.items():
+        points[vertex] = complex(network.edges[foot.edge].segment.at(foot.share))
     moved = _with_vertices(network._replace(points=points), {})
-    gaps = (*network.gaps, *(gap for gap, _, _ in nearest.values()))
+    gaps = (*network.gaps, *(foot.gap for foot in feet.values()))
     return _divided(moved._replace(gaps=gaps), SNAP)
+
+
+def _feet_of_ends(network: CurveNetwork, tolerance: float) -> dict[int, _Foot]:
+    """Return, by open end, the nearest place on another edge within a tolerance."""
+    open_ends = np.flatnonzero(network.degrees() == 1)
+    if not len(open_ends):
+        return {}
+    shapes = network.shapes
+    which, on = shapes.near(network.points[open_ends], tolerance)
+    vertices = open_ends[which]
+    ends = np.array([edge[1:3] for edge in network.edges])
+    is_other = np.all(ends[on] != vertices[:, None], axis=1)
+    vertices = vertices[is_other]
+    on = on[is_other]
+    shares, off = shapes.projected(on, network.points[vertices])
+    feet = dict[int, _Foot]()
+    for k in np.flatnonzero((off <= tolerance) & (shares > 0) & (shares < 1)).tolist():
+        vertex = int(vertices[k])
+        foot = _Foot(float(off[k]), int(on[k]), float(shares[k]))
+        if vertex not in feet or foot.gap < feet[vertex].gap:
+            feet[vertex] = foot
+    return feet

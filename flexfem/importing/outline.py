@@ -1,8 +1,8 @@
-"""Outlines of found bodies as corners of a mechanism file, tied to the ends of hinges by
-expressions.
+"""Outlines of found bodies as corners of a mechanism file, tied to the ends of hinges.
 
-A side at which hinges end follows their length, and a corner at the end of a hinge its height, so
-that the plate stays closed when a parameter changes. Complex points, mm."""
+By expressions, a side at which hinges end follows their length, and a corner at the end of a hinge
+its height, so that the plate stays closed when a parameter changes. Complex points, mm.
+"""
 
 from __future__ import annotations
 
@@ -22,19 +22,21 @@ AT_HINGE = 5e-4  # the same of a side at which a hinge ends, which is fitted
 REACHED = 2e-3  # mm, between an end of a hinge and the side of a body
 SHORT = 1e-4  # mm, side beside a fillet
 TANGENT = 1e-5  # rad, of a fillet and its sides
-SHALLOW = 1e-2
-BLUNT = math.radians(170.0)  # rad, turns between which an arc is written as a fillet
+SHALLOW = 1e-2  # rad, least turn of an arc that is written as a fillet
+BLUNT = math.radians(170.0)  # the most
 LONGEST_ARC = math.radians(300.0)  # turn of an arc between two corners
 PARALLEL = 1e-6  # sine of the angle between sides without a common corner
 DECIMALS = 9
 FEWER = 4  # of numbers of mm
 SNAP = 2e-7  # mm, between a number and one with fewer decimals that is written instead
 FLAT = 1e-9  # factor of a parameter that is round-off
+LARGEST_INTEGER = 1e15  # that is written without a fraction
 
 
 class Term(NamedTuple):
-    """A parameter, or an expression of parameters, with its value, mm, and the number of times it
-    counts.
+    """A parameter, or an expression of parameters, and how many times it counts.
+
+    value : mm.
     """
 
     times: float
@@ -43,10 +45,9 @@ class Term(NamedTuple):
 
 
 class HingeSize(NamedTuple):
-    """Sums of parameters: length of a hinge, and distances of its left and right edge from the axis
-    at its ends.
+    """Length of a hinge, and distances of its edges from the axis at its ends.
 
-    They are empty where these are plain numbers.
+    They are sums of parameters, empty where these are plain numbers.
     """
 
     length: tuple[Term, ...] = ()
@@ -57,9 +58,8 @@ class HingeSize(NamedTuple):
 class HingeEnd(NamedTuple):
     """End of a hinge on a body.
 
-    middle : of the end.   outwards : unit vector of the axis towards this end.   left : unit vector
-    to its left.
-    corners : both corners, the left one first.
+    middle : of the end.   outwards : unit vector of the axis towards this end.
+    left : unit vector to the left of the hinge.   corners : both corners, the left one first.
     """
 
     hinge: int
@@ -70,8 +70,9 @@ class HingeEnd(NamedTuple):
 
 
 class Side(NamedTuple):
-    """A side of an outline: a line, or an arc with a turn, rad, and the hinge ends and drawn
-    segments on it.
+    """A side of an outline: a line, or an arc with a turn, rad.
+
+    ends, segments : ends of hinges, and drawn segments on it.
     """
 
     start: complex
@@ -104,55 +105,60 @@ def hinge_ends(joints: Sequence[Joint], body: int) -> list[HingeEnd]:
 
 
 def vertices_of(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Vertex]:
-    """Return the corners of a closed loop: lines and arcs joined where they continue, and fillets
-    as such.
+    """Return the corners of a closed loop.
+
+    Lines and arcs are joined where they continue, and fillets are written as such.
     """
-    long = [(index, segment) for index, segment in enumerate(loop) if segment.length > SLIVER]
-    starts = [segment.end for _, segment in (long[-1], *long[:-1])]
-    sides = [
-        _side(segment._replace(start=start), index, ends)
-        for start, (index, segment) in zip(starts, long, strict=True)
+    sides = _sides(loop, ends)
+    following = [*sides[1:], sides[0]]
+    is_fillet = [
+        _is_fillet(sides[k - 1], side, after)
+        for k, (side, after) in enumerate(zip(sides, following, strict=True))
     ]
+    found = list[Vertex]()
+    for k, side in enumerate(sides):
+        if is_fillet[k]:
+            found.append(_rounded_corner(sides[k - 1], side, following[k]))
+        elif not is_fillet[k - 1]:
+            found.append(Vertex(side.start, 0.0, sides[k - 1], side))
+    return found
+
+
+def _rounded_corner(before: Side, fillet: Side, after: Side) -> Vertex:
+    """Return the corner at which the sides beside a fillet would meet."""
+    assert fillet.centre is not None
+    corner = _crossing(
+        before.start, before.end - before.start, after.start, after.end - after.start
+    )
+    assert corner is not None
+    return Vertex(corner, abs(fillet.start - fillet.centre), before, after)
+
+
+def _sides(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Side]:
+    """Return the sides of a closed loop, joined where they continue."""
+    drawn = [(index, segment) for index, segment in enumerate(loop) if segment.length > SLIVER]
     joined = list[Side]()
-    for side in sides:
+    start = drawn[-1][1].end
+    for index, segment in drawn:
+        side = _side(segment._replace(start=start), index, ends)
+        start = segment.end
         longer = _joined(joined[-1], side) if joined else None
         if longer is None:
             joined.append(side)
         else:
             joined[-1] = longer
-    if len(joined) > 2 and (longer := _joined(joined[-1], joined[0])) is not None:
-        joined = [longer, *joined[1:-1]]
-    count = len(joined)
-    round_corners = {
-        k for k in range(count) if _is_fillet(joined[k - 1], joined[k], joined[(k + 1) % count])
-    }
-    found = list[Vertex]()
-    for k in range(count):
-        before = joined[k - 1]
-        after = joined[k]
-        if (k - 1) % count in round_corners:
-            continue
-        if k not in round_corners:
-            found.append(Vertex(after.start, 0.0, before, after))
-            continue
-        assert after.centre is not None
-        following = joined[(k + 1) % count]
-        corner = _crossing(
-            before.start,
-            before.end - before.start,
-            following.start,
-            following.end - following.start,
-        )
-        assert corner is not None
-        found.append(Vertex(corner, abs(after.start - after.centre), before, following))
-    return found
+    if len(joined) > 2:
+        longer = _joined(joined[-1], joined[0])
+        if longer is not None:
+            return [longer, *joined[1:-1]]
+    return joined
 
 
 def _side(segment: Segment, index: int, ends: Sequence[HingeEnd]) -> Side:
-    on = tuple(
-        end for end in ends if segment.centre is None and _ends_on(end, segment.start, segment.end)
-    )
-    return Side(segment.start, segment.end, segment.centre, segment.turn, on, (index,))
+    on = list[HingeEnd]()
+    if segment.centre is None:
+        on = [end for end in ends if _ends_on(end, segment.start, segment.end)]
+    return Side(segment.start, segment.end, segment.centre, segment.turn, tuple(on), (index,))
 
 
 def _ends_on(end: HingeEnd, start: complex, stop: complex) -> bool:
@@ -168,22 +174,12 @@ def _joined(one: Side, other: Side) -> Side | None:
     ends = one.ends + other.ends
     segments = one.segments + other.segments
     if one.centre is None and other.centre is None:
-        chord = other.end - one.start
-        ahead = ((other.end - other.start) * (one.end - one.start).conjugate()).real > 0
-        off = (
-            abs(((one.end - one.start) / chord).imag) * abs(chord)
-            if abs(chord) > SHORTEST
-            else math.inf
-        )
-        if ahead and off <= (AT_HINGE if ends else STRAIGHT):
+        if _is_straight(one, other, AT_HINGE if ends else STRAIGHT):
             return Side(one.start, other.end, None, 0.0, ends, segments)
-    if one.centre is not None and other.centre is not None:
+    elif one.centre is not None and other.centre is not None:
         turn = one.turn + other.turn
-        if (
-            abs(one.centre - other.centre) <= STRAIGHT
-            and one.turn * other.turn > 0
-            and abs(turn) < LONGEST_ARC
-        ):
+        one_circle = abs(one.centre - other.centre) <= STRAIGHT and one.turn * other.turn > 0
+        if one_circle and abs(turn) < LONGEST_ARC:
             return Side(one.start, other.end, one.centre, turn, ends, segments)
     return None
 
@@ -237,11 +233,13 @@ def placed_vertices(vertices: Sequence[Vertex], sizes: Sequence[HingeSize]) -> l
 
 
 def outline_rows(placed: Sequence[PlacedVertex]) -> list[list[float | str]]:
-    """Return the corners of an outline as a file states them: x, y, and perhaps a radius and the
-    height of an arc.
+    """Return the corners of an outline as a file states them.
+
+    They are x, y, and perhaps a radius and the height of an arc.
     """
     rows = list[list[float | str]]()
-    for one, other in zip(placed, [*placed[1:], placed[0]], strict=True):
+    following = [*placed[1:], placed[0]]
+    for one, other in zip(placed, following, strict=True):
         row = [
             _coordinate(one.point.real, one.terms, 1.0),
             _coordinate(one.point.imag, one.terms, -1j),
@@ -255,6 +253,15 @@ def outline_rows(placed: Sequence[PlacedVertex]) -> list[list[float | str]]:
     return rows
 
 
+def _is_straight(one: Side, other: Side, most: float) -> bool:
+    """Whether two lines go on in one direction, with their common point at most so far off it."""
+    along = one.end - one.start
+    chord = other.end - one.start
+    if ((other.end - other.start) * along.conjugate()).real <= 0 or abs(chord) <= SHORTEST:
+        return False
+    return abs((along / chord).imag) * abs(chord) <= most
+
+
 def _placed(
     vertex: Vertex, sizes: Sequence[HingeSize]
 ) -> tuple[complex, list[tuple[complex, Term]]]:
@@ -262,39 +269,50 @@ def _placed(
     before = vertex.before
     after = vertex.after
     if not vertex.fillet:
-        for end in (*before.ends, *after.ends):
-            size = sizes[end.hinge]
-            ways = ((end.left, size.left), (-end.left, size.right))
-            for corner, (aside, edge) in zip(end.corners, ways, strict=True):
-                if abs(corner - vertex.point) < REACHED:
-                    along = [(end.outwards / 2 * term.times, term) for term in size.length]
-                    return corner, along + [(aside * term.times, term) for term in edge]
-    lines = [_line(before), _line(after)]
-    point = _corner_of(vertex.point, lines)
+        at_hinge = _placed_at_hinge(vertex, sizes)
+        if at_hinge is not None:
+            return at_hinge
+    point = _corner_of(vertex.point, [_line(before), _line(after)])
     terms = list[tuple[complex, Term]]()
-    for k, side in enumerate((before, after)):
+    for side, other in ((before, after), (after, before)):
         if side.ends:
-            way = _way(side, (after, before)[k])
-            terms += [(way / 2 * term.times, term) for term in sizes[side.ends[0].hinge].length]
+            way = _way(side, other)
+            length = sizes[side.ends[0].hinge].length
+            terms += [(way / 2 * term.times, term) for term in length]
     if terms:
         return point, terms
     return complex(decimal(point.real), decimal(point.imag)), terms
 
 
+def _placed_at_hinge(
+    vertex: Vertex, sizes: Sequence[HingeSize]
+) -> tuple[complex, list[tuple[complex, Term]]] | None:
+    """Return the same for a corner that is a corner of a hinge, None for another one."""
+    for end in (*vertex.before.ends, *vertex.after.ends):
+        size = sizes[end.hinge]
+        along = [(end.outwards / 2 * term.times, term) for term in size.length]
+        left, right = end.corners
+        if abs(left - vertex.point) < REACHED:
+            return left, along + [(end.left * term.times, term) for term in size.left]
+        if abs(right - vertex.point) < REACHED:
+            return right, along + [(-end.left * term.times, term) for term in size.right]
+    return None
+
+
 def _line(side: Side) -> tuple[complex, complex] | None:
-    """Return a point and the direction of a straight side, at the ends of its hinges where it has
-    some.
+    """Return a point and the direction of a straight side, None of an arc.
+
+    The point is at the ends of its hinges where it has some.
     """
     if side.centre is not None:
         return None
     if not side.ends:
         return side.start, side.end - side.start
     first = side.ends[0]
+    towards = first.outwards.conjugate()
     corners = [corner for end in side.ends for corner in end.corners]
-    level = min(
-        (corner * first.outwards.conjugate()).real for corner in corners
-    )  # reaches all; hinges cut the rest
-    foot = first.outwards * complex(level, (first.middle * first.outwards.conjugate()).imag)
+    level = min((corner * towards).real for corner in corners)  # reaches all; hinges cut the rest
+    foot = first.outwards * complex(level, (first.middle * towards).imag)
     return foot, 1j * first.outwards
 
 
@@ -312,8 +330,9 @@ def _corner_of(point: complex, lines: Sequence[tuple[complex, complex] | None]) 
 
 
 def _way(side: Side, other: Side) -> complex:
-    """Return the displacement of a corner when the side moves outwards of its hinges by one, and
-    the other stays.
+    """Return the displacement of a corner when the side moves outwards of its hinges by one.
+
+    The other side stays.
     """
     outwards = side.ends[0].outwards
     if other.centre is not None:
@@ -326,16 +345,16 @@ def _way(side: Side, other: Side) -> complex:
 
 def _coordinate(value: float, terms: Sequence[tuple[complex, Term]], part: complex) -> float | str:
     """Return a coordinate as a number, or as an expression with the parameters that move it."""
-    sums: dict[str, float] = {}
+    shares = dict[str, float]()
     values = dict[str, float]()
     for way, term in terms:
-        sums[term.text] = sums.get(term.text, 0.0) + (way * part).real
+        shares[term.text] = shares.get(term.text, 0.0) + (way * part).real
         values[term.text] = term.value
-    moving = {text: share for text, share in sums.items() if abs(share) > FLAT}
+    moving = {text: share for text, share in shares.items() if abs(share) > FLAT}
     if not moving:
         return decimal(value)
-    rest = decimal(value - sum(share * values[text] for text, share in moving.items()))
-    return expression(rest, moving)
+    moved = sum(share * values[text] for text, share in moving.items())
+    return expression(decimal(value - moved), moving)
 
 
 def expression(rest: float, shares: Mapping[str, float]) -> str:
@@ -357,8 +376,9 @@ def expression(rest: float, shares: Mapping[str, float]) -> str:
 
 
 def decimal(value: float) -> float:
-    """Return a length as it is written: with few decimals where that is exact to `SNAP`, else with
-    many.
+    """Return a length as it is written.
+
+    It has few decimals where that is exact to `SNAP`, else many.
     """
     fewer = round(value, FEWER)
     found = fewer if abs(fewer - value) <= SNAP else round(value, DECIMALS)
@@ -367,15 +387,12 @@ def decimal(value: float) -> float:
 
 def number_text(value: float) -> str:
     """Return a number as TOML and expressions write it, without a needless fraction."""
-    return (
-        str(int(value)) if float(value).is_integer() and abs(value) < 1e15 else repr(float(value))
-    )
+    if float(value).is_integer() and abs(value) < LARGEST_INTEGER:
+        return str(int(value))
+    return repr(float(value))
 
 
 def row_text(row: Sequence[float | str]) -> str:
     """Return a corner as TOML."""
-    return (
-        "["
-        + ", ".join(as_toml(part) if isinstance(part, str) else number_text(part) for part in row)
-        + "]"
-    )
+    parts = [as_toml(part) if isinstance(part, str) else number_text(part) for part in row]
+    return f"[{', '.join(parts)}]"

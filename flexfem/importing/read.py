@@ -185,8 +185,9 @@ def _extent(segments: Sequence[Segment]) -> tuple[complex, complex]:
 
 
 def _check_size(across: float, most: float, wanted: _Wanted) -> None:
-    """Refuse a plate whose size does not fit its unit; `most` is 0 when only small ones are
-    refused.
+    """Refuse a plate whose size does not fit its unit.
+
+    most : 0 when only small ones are refused.
     """
     low, high = (SMALL, LARGE) if wanted.unit is None else (SMALLEST, LARGEST)
     stated = "" if wanted.unit is None else f" in {wanted.unit.name}"
@@ -242,8 +243,9 @@ def _names_of(plate: DrawnPlate, curves: Sequence[DrawnCurve]) -> list[str]:
 
 
 def _check_plate(plate: DrawnPlate, found: Sorted, contents: Contents, wanted: _Wanted) -> None:
-    """Refuse a plate whose size does not fit its unit, or beside which a contour is open or crosses
-    another.
+    """Refuse a plate of a size that does not fit its unit, or with other contours that are wrong.
+
+    They are open or cross each other within the box around the plate, or touch each other.
     """
     low, high = _extent([edge.segment for edge in plate.outside])
     _check_size(max((high - low).real, (high - low).imag), 1.0, wanted)

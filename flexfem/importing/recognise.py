@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
+from itertools import islice
 
 import numpy as np
 import shapely
@@ -12,7 +12,7 @@ from flexfem.importing.divide import NOTHING, Cut, Divided, Edges, cut_of, divid
 from flexfem.importing.found import Drawing, FoundBody, FoundHinge, FoundPlate
 from flexfem.importing.layers import is_ground
 from flexfem.importing.metal import Paths, Room
-from flexfem.importing.necks import Neck, necks_of, triangles_of
+from flexfem.importing.necks import Neck, Triangles, necks_of, triangles_of
 from flexfem.importing.shapes import ALLOWED, fits_of
 from flexfem.importing.strips import joined
 from flexfem.mechanism.outlines import Segment, area, circle_of
@@ -20,16 +20,15 @@ from flexfem.mechanism.profile import Profile
 from flexfem.mechanism.tabulated import Tabulated
 
 THIN = 2.7  # width of the narrower body per neck from which a neck is a hinge
-# neck per that of the thinnest hinge, from which it must be thinner compared with its bodies
-THICKER = 6.0
+THICKER = 6.0  # neck per that of the thinnest hinge, from which it must be thinner in its bodies
 THINNER = 8.0  # width of the narrower body per neck, from which such a neck is a hinge
 FLEXIBLE = 20.0  # flexibility from which a neck is a hinge in bodies less wide
 AMONG_OTHERS = 0.05  # its compliance per that of the most compliant hinge, from which it is one
 STIFF = 5.0  # flexibility up to which a neck is no hinge
 STIFF_RIM = 40.0  # the same of the rim of a round hole
 OF_PLATE = 1e-6  # of its area, by which bodies and hinges may differ from a plate
-# mm; a plate with a narrower neck is enlarged, so that differences of a micrometre are small in it
-LEAST = 0.1
+# A plate with a narrower neck is enlarged, so that differences of a micrometre are small in it.
+LEAST = 0.1  # mm
 ON_MARK = np.linspace(0, 1, 5)  # points of a side, per length, that are on a mark
 MOST_WEAK = 60  # necks in bodies less wide, of which any can be a hinge
 MOST_FITS = 8  # of one neck that are tried
@@ -41,29 +40,57 @@ def recognise(drawing: Drawing) -> FoundPlate:
     A hinge is a place where the metal is thin compared with what it connects at both ends. What no
     shape of a hinge reproduces within a thousandth of a millimetre, in a plate thinner than a tenth
     of a millimetre within a hundredth of that, stays a part of a body. Bodies and hinges together
-    are the plate."""
+    are the plate.
+    """
     loops = [_cyclic(loop) for loop in (drawing.outside, *drawing.holes)]
     triangles = triangles_of(loops)
-    between, closing = necks_of(triangles)
-    weak = [neck for neck in between if neck.beyond <= THIN * neck.width]
-    if len(weak) > MOST_WEAK:  # a perforated plate
-        between, closing = necks_of(triangles, THIN)
+    between, closing = _necks(triangles)
     thinnest = min((neck.width for neck in between), default=LEAST)
     scale = max(LEAST / thinnest, 1.0)
     edges = Edges([[resized(segment, scale) for segment in loop] for loop in loops])
-    cuts, result = _settled(edges, _flexible(edges, _first(edges, between, scale)))
-    if not _is_whole(edges, cuts, result):
-        cuts = []
-        result = divided(edges, [])
-    kept = {cut.neck.chord for cut in cuts}
-    thin = [
-        neck
-        for neck in (*between, *closing)
-        if neck.chord not in kept and neck.beyond > THIN * neck.width
-    ]
-    hinges = [_hinge(cut, ends, 1 / scale) for cut, ends in zip(cuts, result.between, strict=True)]
-    bodies = [_body(body, drawing, 1 / scale) for body in result.bodies]
-    return FoundPlate(drawing, tuple(bodies), tuple(hinges), Paths(triangles).slender(thin))
+    cuts, result = _hinges_and_bodies(edges, between, scale)
+    slender = Paths(triangles).slender(_left_over([*between, *closing], cuts))
+    return FoundPlate(
+        drawing,
+        tuple(_body(body, drawing, 1 / scale) for body in result.bodies),
+        tuple(_hinges(cuts, result, 1 / scale)),
+        slender,
+    )
+
+
+def _necks(triangles: Triangles) -> tuple[list[Neck], list[Neck]]:
+    """Return the chords in hinges between two bodies, and in narrow places of one body."""
+    between, closing = necks_of(triangles)
+    weak = [neck for neck in between if neck.beyond <= THIN * neck.width]
+    if len(weak) > MOST_WEAK:  # a perforated plate
+        return necks_of(triangles, THIN)
+    return between, closing
+
+
+def _left_over(necks: Sequence[Neck], cuts: Sequence[Cut]) -> list[Neck]:
+    """Return the thin ones of necks that are no hinges."""
+    taken = {cut.neck.chord for cut in cuts}
+    left = [neck for neck in necks if neck.chord not in taken]
+    return [neck for neck in left if neck.beyond > THIN * neck.width]
+
+
+def _hinges(cuts: Sequence[Cut], result: Divided, scale: float) -> list[FoundHinge]:
+    """Return the hinges in the size of the drawing."""
+    pairs = zip(cuts, result.between, strict=True)
+    return [_hinge(cut, bodies, scale) for cut, bodies in pairs]
+
+
+def _hinges_and_bodies(
+    edges: Edges, necks: Sequence[Neck], scale: float
+) -> tuple[list[Cut], Divided]:
+    """Return the hinges at necks, and the bodies between them; none where they are not the plate.
+
+    scale : size of the edges per that of the necks.
+    """
+    cuts, result = _settled(edges, _flexible(edges, _first(edges, necks, scale)))
+    if _is_whole(edges, cuts, result):
+        return cuts, result
+    return [], divided(edges, [])
 
 
 def _first(edges: Edges, necks: Sequence[Neck], scale: float) -> list[Cut]:
@@ -84,28 +111,39 @@ def _settled(edges: Edges, cuts: Sequence[Cut]) -> tuple[list[Cut], Divided]:
 
     A hinge that touches another one is made shorter. One whose ends are on one body is none.
     """
-    settled = list(cuts)
+    result = divided(edges, cuts)
+    settled = list[Cut]()
+    for cut, pair in zip(cuts, result.between, strict=True):
+        settled.append(_shortened(edges, cut) if NOTHING in pair else cut)
     result = divided(edges, settled)
-    touching = [k for k, pair in enumerate(result.between) if NOTHING in pair]
-    for k in touching:
-        shorter = map(
-            partial(cut_of, edges, settled[k].neck), fits_of(edges.loops, settled[k].neck, low=True)
-        )
-        settled[k] = next(
-            (cut for cut in shorter if cut is not None and cut.fit.deviation <= ALLOWED), settled[k]
-        )
-    result = divided(edges, settled)
-    while outside := [
-        k for k, pair in enumerate(result.between) if pair[0] == pair[1] or NOTHING in pair
-    ]:
-        settled = [cut for k, cut in enumerate(settled) if k not in outside]
+    while not all(_is_between_bodies(pair) for pair in result.between):
+        settled = [
+            cut
+            for cut, pair in zip(settled, result.between, strict=True)
+            if _is_between_bodies(pair)
+        ]
         result = divided(edges, settled)
     return settled, result
 
 
+def _is_between_bodies(pair: tuple[int, int]) -> bool:
+    """Return whether the ends of a hinge are on two bodies."""
+    return pair[0] != pair[1] and NOTHING not in pair
+
+
+def _shortened(edges: Edges, cut: Cut) -> Cut:
+    """Return a hinge at the same neck that ends where the metal is low; else the hinge itself."""
+    for fit in fits_of(edges.loops, cut.neck, low=True):
+        shorter = cut_of(edges, cut.neck, fit)
+        if shorter is not None and fit.deviation <= ALLOWED:
+            return shorter
+    return cut
+
+
 def _is_whole(edges: Edges, cuts: Sequence[Cut], result: Divided) -> bool:
-    """Return whether bodies and hinges have the area of the plate, but for the deviations of the
-    edges of hinges.
+    """Return whether bodies and hinges have the area of the plate.
+
+    It may differ by the deviations of the edges of hinges.
     """
     plate = sum(map(area, edges.loops))
     profiles = [cut.fit.profile for cut in cuts]
@@ -126,11 +164,11 @@ def _cyclic(loop: Sequence[Segment]) -> list[Segment]:
 
 def _cuts(edges: Edges, neck: Neck) -> Iterator[Cut]:
     """Yield the hinges that fit at a neck."""
-    for number, fit in enumerate(fits_of(edges.loops, neck)):
-        if number == MOST_FITS:
-            return
-        if fit.deviation <= ALLOWED and (cut := cut_of(edges, neck, fit)) is not None:
-            yield cut
+    for fit in islice(fits_of(edges.loops, neck), MOST_FITS):
+        if fit.deviation <= ALLOWED:
+            cut = cut_of(edges, neck, fit)
+            if cut is not None:
+                yield cut
 
 
 def _area_of(profile: Profile) -> float:
@@ -139,19 +177,20 @@ def _area_of(profile: Profile) -> float:
 
 
 def _rotation(profile: Profile) -> float:
-    """Integral of 1 / height^3 along a profile, 1/mm^2, to which its compliance in bending is
-    proportional.
+    """Integral of 1 / height^3 along a profile, 1/mm^2.
+
+    Its compliance in bending is proportional to it.
     """
     x, weights = profile.quadrature
     return float(np.sum(weights / profile.height(x) ** 3))
 
 
 def _flexible(edges: Edges, cuts: Sequence[Cut]) -> list[Cut]:
-    """Return the hinges that are thin and flexible compared with their bodies and with the other
-    hinges.
+    """Return the hinges that are thin and flexible.
 
-    Flexibility is the length, per width of the body, of a bar as wide as the body that bends as
-    much."""
+    They are compared with their bodies and with the other hinges. Flexibility is the length, per
+    width of the body, of a bar as wide as the body that bends as much.
+    """
     rotations = [_rotation(cut.fit.profile) for cut in cuts]
     most = max(rotations, default=0.0)
     thinnest = min((cut.neck.width for cut in cuts), default=0.0)
@@ -170,25 +209,30 @@ def _flexible(edges: Edges, cuts: Sequence[Cut]) -> list[Cut]:
 
 def _is_rim(edges: Edges, cut: Cut) -> bool:
     """Return whether a hinge lies between a round hole and another edge."""
-    loops = [edges.loops[stretch.loop] for stretch in (cut.right, cut.left)]
-    return loops[0] is not loops[1] and sum(circle_of(loop) is not None for loop in loops) == 1
+    right, left = (edges.loops[stretch.loop] for stretch in cut.stretches)
+    return right is not left and (circle_of(right) is None) != (circle_of(left) is None)
 
 
 def _hinge(cut: Cut, bodies: tuple[int, int], scale: float) -> FoundHinge:
+    """Return a hinge in the size of the drawing."""
     fit = cut.fit
-    table = fit.profile if isinstance(fit.profile, Tabulated) else None
-    rows = () if table is None else table.table
+    rows: tuple[tuple[float, ...], ...] = ()
+    is_smooth = False
+    if isinstance(fit.profile, Tabulated):
+        rows = tuple(tuple(scale * value for value in row) for row in fit.profile.table)
+        is_smooth = fit.profile.smooth
+    dimensions = {
+        key: value if key == "angle" else scale * value for key, value in fit.dimensions.items()
+    }
     return FoundHinge(
         bodies=bodies,
         place=scale * fit.frame.place,
         heading=fit.frame.heading,
         shape=fit.shape,
-        dimensions={
-            key: value if key == "angle" else scale * value for key, value in fit.dimensions.items()
-        },
-        table=tuple(tuple(scale * value for value in row) for row in rows),
+        dimensions=dimensions,
+        table=rows,
         deviation=scale * fit.deviation,
-        smooth=table is not None and table.smooth,
+        smooth=is_smooth,
         side=fit.side,
     )
 
@@ -202,11 +246,13 @@ def _body(body: FoundBody, drawing: Drawing, scale: float) -> FoundBody:
         for mark in drawing.marks
         if is_ground(mark.layer) and not mark.closed and len(mark.points) > 1
     ]
+    if not marks:
+        return FoundBody(outside, holes)
     lines = shapely.MultiLineString([[(z.real, z.imag) for z in points] for points in marks])
     clamped = list[int]()
     for k, segment in enumerate(outside):
         z = segment.at(ON_MARK)
-        if marks and np.all(shapely.dwithin(lines, shapely.points(z.real, z.imag), ALLOWED)):
+        if np.all(shapely.dwithin(lines, shapely.points(z.real, z.imag), ALLOWED)):
             clamped.append(k)
     return FoundBody(outside, holes, tuple(clamped))
 

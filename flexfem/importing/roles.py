@@ -1,12 +1,14 @@
-"""Ground, output and actuators of a plate that was found in a drawing: by marks, by points, else by
-a stated rule.
-"""
+"""Ground, output and actuators of a plate that was found in a drawing.
+
+They follow from marks, from points, else from a stated rule."""
 
 from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,14 +22,11 @@ from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
 from flexfem.refused import BadInput
 
 FINE = np.pi / 256  # rad of arc per vertex of a polygon in which points are looked up
-AT_EDGE = (
-    0.02  # mm, and per extent of the plate below: distance of a point from an edge that it means
-)
-AT_EDGE_SHARE = 1e-3
-CONTACT = 1 / 20
-WIDEST = 1 / 5  # radius of the output on a clamped body, and the largest one, per its extent
-# of the area of two contours together that both enclose, above which a contour is that of a body
-SAME = 0.9
+AT_EDGE = 0.02  # mm, distance of a point from an edge that it means
+AT_EDGE_SHARE = 1e-3  # the same per extent of the plate
+CONTACT = 1 / 20  # radius of the output on a clamped body, per extent of the body
+WIDEST = 1 / 5  # the largest one
+SAME = 0.9  # common area of two contours per area of both, above which they mean one body
 COVERED = 0.5  # of the area of a body within a contour, above which it is marked
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 POINT = re.compile(rf"\s*({NUMBER})\s*(?:mm)?\s*,\s*({NUMBER})\s*(?:mm)?\s*")
@@ -44,10 +43,10 @@ class PushedPoints(NamedTuple):
 class Roles(NamedTuple):
     """What the bodies of a plate are for.
 
-    fixed : indices of bodies that are rigid ground.   clamped : by elastic body, segments of its
-    outline.
-    output, at : body whose pose is read, and the point.   contact : mm, radius around it; None for
-    the whole body.
+    fixed : indices of bodies that are rigid ground.
+    clamped : by elastic body, segments of its outline.
+    output, at : body whose pose is read, and the point.
+    contact : mm, radius around it; None for the whole body.
     sources : why, by "ground" and "output", for provenance.
     """
 
@@ -78,17 +77,17 @@ class Wishes(NamedTuple):
 
 
 def point_of(name: str, text: Any) -> complex:
-    """Return a point from a text such as 12.5,-3 or from two numbers. Raises BadInput with the name
-    of the option.
+    """Return a point from a text such as 12.5,-3 or from two numbers.
+
+    Raises BadInput with the name of the option.
     """
-    if isinstance(text, str) and (found := POINT.fullmatch(text)):
+    found = POINT.fullmatch(text) if isinstance(text, str) else None
+    if found is not None:
         return complex(float(found[1]), float(found[2]))
     if not isinstance(text, str):
-        try:
+        with suppress(TypeError, ValueError):
             x, y = map(float, text)
             return complex(x, y)
-        except (TypeError, ValueError):
-            pass
     raise BadInput(f"{name} {shown(text)}, expected a point x,y in mm, such as 12.5,-3")
 
 
@@ -115,7 +114,8 @@ def roles_of(found: FoundPlate, wishes: Wishes) -> Roles:
     """Return what the bodies of a plate are for.
 
     Raises BadInput for a point off the plate, a plate without hinges and ground, or ground without
-    a body that moves."""
+    a body that moves.
+    """
     return _Assignment(found, wishes).roles()
 
 
@@ -184,7 +184,8 @@ class _Assignment:
                 fixed.add(body)
             else:
                 clamped[body] = (*clamped.get(body, ()), segment)
-        if both := fixed & clamped.keys():
+        both = fixed & clamped.keys()
+        if both:
             point = self.polygons[min(both)].representative_point()
             raise BadInput(
                 f"{self.place}: ground both in the body around {point.x:.4g},{point.y:.4g} and on "
@@ -220,10 +221,8 @@ class _Assignment:
                 )
                 return min(marked), _middle(mark)
         depth = self._depths(fixed | clamped.keys())
-        joined = [
-            sum(k in hinge.bodies for hinge in self.found.hinges) for k in range(len(self.polygons))
-        ]
-        body = max(moving, key=lambda k: (depth[k], joined[k], self.polygons[k].area))
+        hinges = Counter(body for hinge in self.found.hinges for body in hinge.bodies)
+        body = max(moving, key=lambda k: (depth[k], hinges[k], self.polygons[k].area))
         self.sources["output"] = (
             "assumed: the centre of the body with the most hinges between it and the ground"
         )
@@ -231,18 +230,18 @@ class _Assignment:
         return body, complex(round(centre.x, 4), round(centre.y, 4)) + 0j
 
     def _contact(self, body: int, at: complex) -> float:
-        """Return the radius of the output on a body that is clamped itself: half the edge that it
-        is on, or a part.
+        """Return the radius of the output on a body that is clamped itself.
+
+        It is half the edge that the output is on, or a share of the body.
         """
         left, low, right, high = self.polygons[body].bounds
-        lines = [_line(segment) for segment in self.found.bodies[body].outside]
-        edge = min(lines, key=lambda line: shapely.distance(line, _dot(at)))
         extent = math.hypot(right - left, high - low)
-        radius = (
-            shapely.length(edge) / 2
-            if shapely.distance(edge, _dot(at)) <= self.near
-            else CONTACT * extent
-        )
+        dot = _dot(at)
+        lines = [_line(segment) for segment in self.found.bodies[body].outside]
+        edge = min(lines, key=lambda line: shapely.distance(line, dot))
+        radius = CONTACT * extent
+        if shapely.distance(edge, dot) <= self.near:
+            radius = shapely.length(edge) / 2
         return round(float(min(radius, WIDEST * extent)), 4)
 
     def _stated_output(self, point: complex, moving: Sequence[int]) -> int:
@@ -265,11 +264,11 @@ class _Assignment:
         inside = [k for k in bodies if gaps[k] <= self.near]
         if inside:
             return min(inside, key=lambda k: gaps[k])
-        filled = [
-            k
-            for k in bodies
-            if any(ring.contains(_dot(point)) for ring in _filled(self.polygons[k]))
-        ]
+        dot = _dot(point)
+        filled = list[int]()
+        for k in bodies:
+            if any(ring.contains(dot) for ring in _filled(self.polygons[k])):
+                filled.append(k)
         return min(filled, key=lambda k: self.polygons[k].area, default=None)
 
     def _actuators(self) -> tuple[PushedPoints, ...]:
@@ -307,19 +306,20 @@ class _Assignment:
 
     def _hinge_ends(self, body: int) -> list[Segment]:
         """Return the segments of the outline of a body at which hinges end."""
+        hinges = [hinge for hinge in self.found.hinges if body in hinge.bodies]
         found = list[Segment]()
         for segment in self.found.bodies[body].outside:
-            for hinge in self.found.hinges:
-                half = hinge.dimensions.get("length", 0.0)
-                if body in hinge.bodies and abs(
-                    complex(segment.at(0.5)) - hinge.place
-                ) < half / 2 * (1 + 1e-6):
+            middle = complex(segment.at(0.5))
+            for hinge in hinges:
+                half = hinge.dimensions.get("length", 0.0) / 2
+                if abs(middle - hinge.place) < half * (1 + 1e-6):
                     found.append(segment)
         return found
 
     def _marked(self, mark: DrawnMark) -> set[int]:
-        """Return the bodies that a mark is for: a point in one, or a contour of one, around some or
-        in one of them.
+        """Return the bodies that a mark is for.
+
+        It is a point in one, or a contour of one, around some or in one of them.
         """
         if len(mark.points) == 1:
             at = self._at(mark.points[0], range(len(self.polygons)))
@@ -327,18 +327,15 @@ class _Assignment:
         if not mark.closed or len(mark.points) < 3:
             return set()
         marked = shapely.buffer(shapely.Polygon([(z.real, z.imag) for z in mark.points]), 0)
-        alike = [
-            max(_alike(marked, ring) for ring in _filled(polygon)) for polygon in self.polygons
-        ]
+        alike = list[float]()
+        for polygon in self.polygons:
+            alike.append(max(_alike(marked, ring) for ring in _filled(polygon)))
         if max(alike) > SAME:
             return {int(np.argmax(alike))}
-        shared = np.array(
-            [shapely.area(shapely.intersection(marked, polygon)) for polygon in self.polygons]
-        )
-        covered = np.flatnonzero(
-            shared > COVERED * np.array([polygon.area for polygon in self.polygons])
-        )
-        if len(covered) and len(covered) < len(self.polygons):
+        areas = np.array([polygon.area for polygon in self.polygons])
+        shared = np.asarray(shapely.area(shapely.intersection(marked, self.polygons)))
+        covered = np.flatnonzero(shared > COVERED * areas)
+        if 0 < len(covered) < len(self.polygons):
             return set(covered.tolist())
         return {int(np.argmax(shared))} if np.max(shared) > 0 else set()
 

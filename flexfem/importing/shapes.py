@@ -1,14 +1,14 @@
-"""Shapes of hinges fitted to the edges of a plate on both sides of a neck: the simplest one that
-reproduces them.
-"""
+"""Shapes of hinges fitted to the edges of a plate on both sides of a neck.
+
+The simplest shape that reproduces the edges is taken."""
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,19 +45,17 @@ SHORT_LEAF = 12.0  # length per neck up to which a leaf with fillets is a fillet
 BENT = 1.5  # height per neck, up to which the middle of the metal must follow the axis
 STEEPEST = 0.15  # slope of the middle of the metal there
 LOW = 4.0  # height of the ends of a low table per neck
-MOSTLY = (
-    0.5  # of the length of a profile with flanks, above which the leaf between them is the hinge
-)
+MOSTLY = 0.5  # of the length of a profile with flanks, above which the leaf between is the hinge
 DIGITS = 10  # of headings, rad, that are alike
 ALIKE = 1e-9  # rad, between directions that are one
 NEARLY_UPRIGHT = math.radians(80.0)  # slope at which a table ends
 
 
 class Fit(NamedTuple):
-    """A profile in its frame, whose place is its centre, and its largest distance from the drawn
-    edge, mm.
+    """A profile in its frame, whose place is its centre.
 
     dimensions : by the key of a mechanism file without its unit; angles in degrees.
+    deviation : mm, largest distance from the drawn edge.
     """
 
     profile: Profile
@@ -69,27 +67,24 @@ class Fit(NamedTuple):
 
 
 def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck, low: bool = False) -> Iterator[Fit]:
-    """Yield the fits of a hinge at a neck, the simplest shape first, each in the frame in which it
-    fits best.
+    """Yield the fits of a hinge at a neck, the simplest shape first.
 
-    With `low`, only tables that end where the metal is a few times as high as the neck.
+    Each is in the frame in which it fits best. With `low`, they are only tables that end where the
+    metal is a few times as high as the neck.
     """
     whole, short = _strips(loops, neck)
     if low:
-        yield from filter(None, map(_table, filter(None, map(_lowered, whole))))
+        yield from _tables(filter(None, map(_lowered, whole)))
         return
     yield from _best_shapes(whole)
-    evens = [strip for strip in whole if _is_even(strip)]
-    flanked = [*filter(None, map(_table, evens))]
+    flanked = [*_tables(strip for strip in whole if _is_even(strip))]
     leaves = [*_best_shapes(short)]
-    yield from (
-        fit
-        for fit in leaves
-        if not flanked or fit.profile.length > MOSTLY * flanked[0].profile.length
-    )
+    for leaf in leaves:
+        if not flanked or leaf.profile.length > MOSTLY * flanked[0].profile.length:
+            yield leaf
     yield from flanked
     yield from leaves
-    yield from filter(None, map(_table, [*short, *whole]))
+    yield from _tables([*short, *whole])
 
 
 def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip], list[Strip]]:
@@ -97,14 +92,16 @@ def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip]
     whole = list[Strip]()
     short = list[Strip]()
     roughs = _roughs(loops, neck)
+    suggested = [frame for rough in roughs for frame in _suggested(loops, neck, rough)]
     frames = dict[float, Axis]()
-    for frame in (*(one for rough in roughs for one in _suggested(loops, neck, rough)), *roughs):
+    for frame in (*suggested, *roughs):
         frames.setdefault(round(frame.heading, DIGITS), frame)
     for frame in frames.values():
         ways = ways_of(loops, neck, frame)
-        strip = strip_of(ways, frame) or strip_of(
-            ways := ways_of(loops, neck, frame, math.pi), frame
-        )
+        strip = strip_of(ways, frame)
+        if strip is None:
+            ways = ways_of(loops, neck, frame, wall=math.pi)
+            strip = strip_of(ways, frame)
         if strip is None:
             continue
         whole.append(strip)
@@ -115,43 +112,40 @@ def _strips(loops: Sequence[Sequence[Segment]], neck: Neck) -> tuple[list[Strip]
 
 
 def _roughs(loops: Sequence[Sequence[Segment]], neck: Neck) -> list[Axis]:
-    """Return the frames in the middle of a chord, along the mean direction of both edges and at
-    right angles to it.
-    """
-    right, left = (
-        (loops[place.loop][place.segment], place.share) for place in (neck.right, neck.left)
-    )
-    start = complex(right[0].at(right[1]))
-    end = complex(left[0].at(left[1]))
-    across = (end - start) / abs(end - start)
-    ahead = complex(right[0].tangent(right[1])) - complex(left[0].tangent(left[1]))
-    directions = [-1j * across]
-    if (ahead * (-1j * across).conjugate()).real > 0.5 and abs(
-        cmath.phase(ahead / directions[0])
-    ) > ALIKE:
-        directions.insert(0, ahead)
+    """Return frames in the middle of a chord, along both edges and at right angles to it."""
+    right = loops[neck.right.loop][neck.right.segment]
+    left = loops[neck.left.loop][neck.left.segment]
+    start = complex(right.at(neck.right.share))
+    end = complex(left.at(neck.left.share))
+    upright = -1j * ((end - start) / abs(end - start))
+    tangent = complex(right.tangent(neck.right.share)) - complex(left.tangent(neck.left.share))
+    directions = [upright]
+    is_forward = (tangent * upright.conjugate()).real > 0.5
+    if is_forward and abs(cmath.phase(tangent / upright)) > ALIKE:
+        directions.insert(0, tangent)
     return [Axis((start + end) / 2, cmath.phase(direction)) for direction in directions]
 
 
 def _suggested(loops: Sequence[Sequence[Segment]], neck: Neck, rough: Axis) -> Iterator[Axis]:
-    """Yield frames by parallel lines, by the centres of two arcs, by one line, and by the ends of
-    both edges.
+    """Yield frames that the edges suggest.
+
+    They follow a line of one edge, the centres of two arcs, or the ends of both edges.
     """
     strip = strip_of(ways_of(loops, neck, rough), rough)
     if strip is None:
         return
-    lines = [_flattest_line(edge) for edge in (strip.left, strip.right)]
-    for line, sign in zip(lines, (1, -1), strict=True):
+    for edge, sign in ((strip.left, 1), (strip.right, -1)):
+        line = _flattest_line(edge)
         if line is not None:
-            along = line.end - line.start
-            yield Axis(rough.place, rough.heading + sign * cmath.phase(along))
+            slope = sign * cmath.phase(line.end - line.start)
+            yield Axis(rough.place, rough.heading + slope)
     for left in _lowest_arcs(strip.left):
         for right in _lowest_arcs(strip.right):
             assert left.centre is not None and right.centre is not None
             across = left.centre - right.centre.conjugate()
             yield Axis(rough.place, rough.heading + cmath.phase(-1j * across))
-    ends = [vertices(edge) for edge in (strip.left, strip.right)]
-    first, last = ((ends[0][k] + ends[1][k].conjugate()) / 2 for k in (0, -1))
+    first = (strip.left[0].start + strip.right[0].start.conjugate()) / 2
+    last = (strip.left[-1].end + strip.right[-1].end.conjugate()) / 2
     yield Axis(rough.place, rough.heading + cmath.phase(last - first))
 
 
@@ -167,23 +161,30 @@ def _lowest_arcs(edge: Sequence[Segment]) -> list[Segment]:
     """Return the arcs of an edge at its lowest point."""
     lowest = min(complex(one.at(share)).imag for one in edge for share in (0.0, 0.5, 1.0))
     arcs = [one for one in edge if one.centre is not None and one.turn > 0]
-    return [one for one in arcs if min(one.start.imag, one.end.imag) < lowest + CLOSE][:2] or arcs[
-        :1
-    ]
+    low = [one for one in arcs if min(one.start.imag, one.end.imag) < lowest + CLOSE]
+    return low[:2] or arcs[:1]
+
+
+def _tables(strips: Iterable[Strip]) -> Iterator[Fit]:
+    """Yield the tables of the edges of strips, of those that have one."""
+    for strip in strips:
+        table = _table(strip)
+        if table is not None:
+            yield table
 
 
 def _best_shapes(strips: Sequence[Strip]) -> Iterator[Fit]:
-    """Yield the fits of closed shapes to a strip in several frames, each shape in the best of them."""
-    exact = (fit for strip in strips for _, fit in _shapes(strip) if fit.deviation < EXACT)
-    if (first := next(exact, None)) is not None:
-        yield first
+    """Yield the fits of closed shapes to a strip in several frames, each shape in the best one."""
+    fits = ((order, fit) for strip in strips for order, fit in _shapes(strip))
+    exact = next((fit for _, fit in fits if fit.deviation < EXACT), None)
+    if exact is not None:
+        yield exact
     found = dict[tuple[int, str | None], Fit]()
     for strip in strips:
         for order, fit in _shapes(strip):
             key = (order, fit.side)
-            if fit.deviation <= ALLOWED and (
-                key not in found or fit.deviation < found[key].deviation
-            ):
+            best = found.get(key)
+            if fit.deviation <= ALLOWED and (best is None or fit.deviation < best.deviation):
                 found[key] = fit
     for key in sorted(found, key=lambda key: key[0]):
         yield found[key]
@@ -193,8 +194,9 @@ class _Notch(NamedTuple):
     """What the dimensions of all shapes follow from; mm, rad.
 
     centre : of the hinge, in the frame of the strip.   side : of a hinge with one notch.
-    root : radius of the arc at the neck, 0 without one.   flank : slope of a straight edge at the
-    ends."""
+    root : radius of the arc at the neck, 0 without one.
+    flank : slope of a straight edge at the ends.
+    """
 
     centre: complex
     length: float
@@ -214,14 +216,15 @@ def _shapes(strip: Strip) -> Iterator[tuple[int, Fit]]:
 
 
 def _fit(strip: Strip, notch: _Notch, shape: str, dimensions: dict[str, float]) -> Fit:
-    inside = {
+    given: dict[str, Any] = {
         key: math.radians(value) if key == "angle" else value for key, value in dimensions.items()
     }
-    profile = profile_of(shape, inside | ({"side": notch.side} if notch.side else {}))
+    if notch.side:
+        given["side"] = notch.side
+    profile = profile_of(shape, given)
     frame = Axis(strip.frame.out(notch.centre), strip.frame.heading)
-    return Fit(
-        profile, shape, dimensions, frame, _deviation(strip, profile, notch.centre), notch.side
-    )
+    deviation = _deviation(strip, profile, notch.centre)
+    return Fit(profile, shape, dimensions, frame, deviation, notch.side)
 
 
 def _candidates(notch: _Notch) -> Iterator[tuple[str, dict[str, float]]]:
@@ -244,42 +247,63 @@ def _candidates(notch: _Notch) -> Iterator[tuple[str, dict[str, float]]]:
 
 def _notches(strip: Strip) -> Iterator[_Notch]:
     """Yield the notch of an even strip, or that of a strip with one straight edge."""
-    ends = [(edge[0].start, edge[-1].end) for edge in (strip.left, strip.right)]
-    rises = np.array([[z.imag for z in pair] for pair in ends])
-    low, high = (np.array([pair[k].real for pair in ends]) for k in (0, 1))
-    if np.ptp(low) > CLOSE or np.ptp(high) > CLOSE:
+    edges = (strip.left, strip.right)
+    corners = np.array([(edge[0].start, edge[-1].end) for edge in edges])
+    if np.ptp(corners.real, axis=0).max() > CLOSE:
         return
-    middle = float(low.mean() + high.mean()) / 2
-    lowest = np.array(
-        [height_at(edge, np.array([middle]))[0] for edge in (strip.left, strip.right)]
-    )
-    neck = float(lowest.sum())
-    length = float(high.mean() - low.mean())
+    low, high = corners.real.mean(axis=0).tolist()
+    middle = (low + high) / 2
+    lowest = np.array([height_at(edge, np.array([middle]))[0] for edge in edges])
+    rises = corners.imag
     depths = rises - lowest[:, None]
+    neck = float(lowest.sum())
     if neck <= 0 or np.ptp(depths, axis=1).max() > 2 * ALLOWED:
         return
+    outline = _Outline(middle, high - low, neck)
     if abs(depths[0].mean() - depths[1].mean()) < 2 * ALLOWED:
-        root = _root(strip.left, middle)
-        flank = _flank(strip.left)
         aside = float(rises[0].mean() - rises[1].mean()) / 2
-        yield _Notch(
-            complex(middle, aside), length, neck, max(float(depths.mean()), 0.0), root, flank, None
-        )
-    for side, notched, other in (("left", 0, 1), ("right", 1, 0)):
-        edge = (strip.left, strip.right)[notched]
-        if abs(depths[other]).max() < ALLOWED and depths[notched].min() > ALLOWED:
-            aside = float(lowest[0] - lowest[1]) / 2
-            found = (length, neck, float(depths[notched].mean()), _root(edge, middle), _flank(edge))
-            yield _Notch(complex(middle, aside), *found, side)
+        yield _notch(outline, strip.left, aside, max(float(depths.mean()), 0.0), None)
+    notched = _notched_edge(depths)
+    if notched is not None:
+        aside = float(lowest[0] - lowest[1]) / 2
+        depth = float(depths[notched].mean())
+        yield _notch(outline, edges[notched], aside, depth, ("left", "right")[notched])
+
+
+def _notched_edge(depths: Array) -> int | None:
+    """Return which edge alone has a notch: 0 for the left, 1 for the right, None without one.
+
+    depths : (2, 2), mm, of the edges below their two ends.
+    """
+    for notched, other in ((0, 1), (1, 0)):
+        if np.abs(depths[other]).max() < ALLOWED < depths[notched].min():
+            return notched
+    return None
+
+
+class _Outline(NamedTuple):
+    """Middle of a strip on its axis, its length and its neck, mm."""
+
+    middle: float
+    length: float
+    neck: float
+
+
+def _notch(
+    outline: _Outline, edge: Sequence[Segment], aside: float, depth: float, side: str | None
+) -> _Notch:
+    """Return a notch with the edge of a strip, and its centre so far to the left of the axis."""
+    middle, length, neck = outline
+    centre = complex(middle, aside)
+    return _Notch(centre, length, neck, depth, _root(edge, middle), _flank(edge), side)
 
 
 def _root(edge: Sequence[Segment], middle: float) -> float:
     """Return the radius of the arc of an edge at the middle, 0 without one."""
     for segment in edge:
-        if (
-            segment.centre is not None
-            and segment.start.real - CLOSE <= middle <= segment.end.real + CLOSE
-        ):
+        low = segment.start.real - CLOSE
+        high = segment.end.real + CLOSE
+        if segment.centre is not None and low <= middle <= high:
             return abs(segment.start - segment.centre)
     return 0.0
 
@@ -301,13 +325,14 @@ def edges_of(profile: Profile) -> tuple[list[Curve], list[Curve]]:
 
 
 def corners_of(profile: Profile) -> tuple[complex, complex, complex, complex]:
-    """Return the corners of a profile: right at the first and the second end, left at the second
-    and the first.
+    """Return the corners of a profile.
+
+    They are the right ones at the first and the second end, then the left ones at the second and
+    the first.
     """
     half = profile.length / 2
-    (near_left, far_left), (near_right, far_right) = edge_positions(
-        profile, np.array([-half, half])
-    ).tolist()
+    positions = edge_positions(profile, np.array([-half, half]))
+    (near_left, far_left), (near_right, far_right) = positions.tolist()
     return (
         complex(-half, -near_right),
         complex(half, -far_right),
@@ -317,13 +342,11 @@ def corners_of(profile: Profile) -> tuple[complex, complex, complex, complex]:
 
 
 def _deviation(strip: Strip, profile: Profile, centre: complex) -> float:
-    """Return the largest distance, mm, of points of the drawn edges from those of a profile about a
-    centre.
-    """
-    drawn = (_drawn(strip.left) - centre, _drawn(strip.right) - centre.conjugate())
-    return max(
-        float(np.max(distances(*each))) for each in zip(drawn, edges_of(profile), strict=True)
-    )
+    """Return the largest distance, mm, of the drawn edges from those of a profile about a centre."""
+    left, right = edges_of(profile)
+    of_left = distances(_drawn(strip.left) - centre, left)
+    of_right = distances(_drawn(strip.right) - centre.conjugate(), right)
+    return max(float(np.max(of_left)), float(np.max(of_right)))
 
 
 def distances(points: AnyArray, curves: Sequence[Curve]) -> Array:
@@ -336,8 +359,9 @@ def distances(points: AnyArray, curves: Sequence[Curve]) -> Array:
         else:
             z = _points_of(curve)
             step = np.diff(z)
-            share = np.clip(((points[:, None] - z[:-1]) / step).real, 0.0, 1.0)
-            found = np.minimum(found, np.abs(points[:, None] - z[:-1] - share * step).min(axis=1))
+            ahead = points[:, None] - z[:-1]
+            share = np.clip((ahead / step).real, 0.0, 1.0)
+            found = np.minimum(found, np.abs(ahead - share * step).min(axis=1))
     return found
 
 
@@ -347,25 +371,21 @@ def _points_of(curve: Bezier | Ellipse) -> AnyArray:
     if isinstance(curve, Ellipse):
         start = curve.start - curve.centre
         end = curve.end - curve.centre
-        return np.asarray(
-            curve.centre + start * np.cos(t * np.pi / 2) + end * np.sin(t * np.pi / 2)
-        )
-    n = len(curve.points) - 1
-    weights = [math.comb(n, k) * t**k * (1 - t) ** (n - k) for k in range(n + 1)]
-    return np.asarray(
-        sum(weight * point for weight, point in zip(weights, curve.points, strict=True))
-    )
+        angle = t * np.pi / 2
+        return np.asarray(curve.centre + start * np.cos(angle) + end * np.sin(angle))
+    degree = len(curve.points) - 1
+    points = np.zeros(FINE, dtype=complex)
+    for k, point in enumerate(curve.points):
+        points = points + math.comb(degree, k) * t**k * (1 - t) ** (degree - k) * point
+    return points
 
 
 def _is_even(strip: Strip) -> bool:
-    """Return whether both edges of a strip end at the same positions, at the same distances from
-    its axis.
-    """
+    """Return whether both edges of a strip end at the same positions and distances from its axis."""
     corners = np.array([(edge[0].start, edge[-1].end) for edge in (strip.left, strip.right)])
     heights = corners.imag - corners.imag.mean(axis=1, keepdims=True)
-    return (
-        float(np.ptp(corners.real, axis=0).max()) < CLOSE
-        and float(np.ptp(heights, axis=0).max()) < CLOSE
+    return bool(
+        np.ptp(corners.real, axis=0).max() < CLOSE and np.ptp(heights, axis=0).max() < CLOSE
     )
 
 
@@ -383,8 +403,9 @@ def _lowered(strip: Strip) -> Strip | None:
 
 
 def _is_curved(strip: Strip) -> bool:
-    """Return whether the middle of the metal bends away from the axis where it is low: its sections
-    are not upright.
+    """Return whether the middle of the metal bends away from the axis where it is low.
+
+    Its sections are not upright then.
     """
     x = np.linspace(strip.low, strip.high, FINE)
     left = height_at(strip.left, x)
@@ -398,18 +419,10 @@ def _table(strip: Strip) -> Fit | None:
     """Return the profile with rows of the drawn edges of a strip, None where there is none."""
     if _is_curved(strip):
         return None
-    low, high = _gentle(strip)
-    left = strip.left
-    right = strip.right
-    is_curved = any(segment.centre is not None for edge in (left, right) for segment in edge)
-    corners = np.array([z.real for edge in (left, right) for z in vertices(edge)])
-    x = np.unique(
-        np.round([low, high, *corners[(corners > low + CLOSE) & (corners < high - CLOSE)]], 9)
-    )
-    x = x[np.append(True, np.diff(x) > CLOSE / 2)]
-    if len(x) < 3:
-        x = np.linspace(low, high, 3)
-    is_smooth = is_curved and max(map(abs, turns_in(left) + turns_in(right)), default=0.0) < CORNER
+    x = _first_positions(strip)
+    is_curved = any(segment.centre is not None for segment in (*strip.left, *strip.right))
+    turns = [abs(turn) for turn in turns_in(strip.left) + turns_in(strip.right)]
+    is_smooth = is_curved and max(turns, default=0.0) < CORNER
     with suppress(BadDimension):
         x, deviation = _refined(strip, x, is_smooth)
         frame = Axis(strip.frame.out(complex((x[0] + x[-1]) / 2)), strip.frame.heading)
@@ -417,43 +430,53 @@ def _table(strip: Strip) -> Fit | None:
     return None
 
 
+def _first_positions(strip: Strip) -> Array:
+    """Return the positions (n,) of the ends of a table and of the corners between them."""
+    low, high = _gentle(strip)
+    corners = np.array([z.real for edge in (strip.left, strip.right) for z in vertices(edge)])
+    between = corners[(corners > low + CLOSE) & (corners < high - CLOSE)]
+    x = np.unique(np.round([low, high, *between], 9))
+    x = x[np.append(True, np.diff(x) > CLOSE / 2)]
+    return x if len(x) >= 3 else np.linspace(low, high, 3)
+
+
 def _tabulated(strip: Strip, x: Array, is_smooth: bool) -> Tabulated:
     """Return the profile with rows at positions (n,), of two columns where both edges are alike."""
     left = height_at(strip.left, x)
     right = height_at(strip.right, x)
     if np.max(np.abs(left - right)) < ALLOWED / 2:
-        rows = zip(x.tolist(), (left + right).tolist(), strict=True)
-        return Tabulated(tuple(rows), smooth=is_smooth)
-    return Tabulated(
-        tuple(zip(x.tolist(), left.tolist(), right.tolist(), strict=True)), smooth=is_smooth
-    )
+        heights = left + right
+        return Tabulated(tuple(zip(x.tolist(), heights.tolist(), strict=True)), smooth=is_smooth)
+    rows = zip(x.tolist(), left.tolist(), right.tolist(), strict=True)
+    return Tabulated(tuple(rows), smooth=is_smooth)
 
 
 def _refined(strip: Strip, x: Array, is_smooth: bool) -> tuple[Array, float]:
-    """Return positions with so many between them that a table follows the drawn edges, and its
-    largest deviation.
+    """Return positions at which a table follows the drawn edges, and its largest deviation, mm.
+
+    Rows are added between positions (n,) where it does not.
     """
     for _ in range(ROUNDS):
-        between = x[:-1] + np.array(BETWEEN)[:, None] * np.diff(x)
-        drawn = np.stack([height_at(edge, between) for edge in (strip.left, strip.right)])
-        off = np.abs(
-            drawn - edge_positions(_tabulated(strip, x, is_smooth), between - (x[0] + x[-1]) / 2)
-        )
-        slope = np.diff(
-            np.stack([height_at(edge, x) for edge in (strip.left, strip.right)]), axis=1
-        ) / np.diff(x)
+        steps = np.diff(x)
+        between = x[:-1] + np.array(BETWEEN)[:, None] * steps
+        table = _tabulated(strip, x, is_smooth)
+        off = np.abs(_heights(strip, between) - edge_positions(table, between - (x[0] + x[-1]) / 2))
+        slope = np.diff(_heights(strip, x), axis=1) / steps
         worst = (off / np.hypot(1, slope)[:, None]).max(axis=(0, 1))
-        coarse = (worst > TABLE) & (np.diff(x) > 2 * CLOSE)
+        coarse = (worst > TABLE) & (steps > 2 * CLOSE)
         if not coarse.any() or len(x) > MOST_ROWS:
             break
-        x = np.sort(np.append(x, (x[:-1] + np.diff(x) / 2)[coarse]))
+        x = np.sort(np.append(x, (x[:-1] + steps / 2)[coarse]))
     return x, float(worst.max())
 
 
+def _heights(strip: Strip, x: Array) -> Array:
+    """Return the distances (2, ...) of the left and the right drawn edge from the axis, mm."""
+    return np.stack([height_at(edge, x) for edge in (strip.left, strip.right)])
+
+
 def edge_positions(profile: Profile, x: Array) -> Array:
-    """Return the distances (2, n) of the left and the right edge from the axis at positions (n,),
-    mm.
-    """
+    """Return the distances (2, n) of the left and the right edge from the axis, mm."""
     half = profile.height(x) / 2
     middle = profile.middle(x)
     return np.stack([half + middle, half - middle])

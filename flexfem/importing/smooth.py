@@ -1,6 +1,7 @@
-"""Contours of few segments: lines in a row are one line, arcs of one circle one arc, short chords
-the arc they mean.
-"""
+"""Contours of few segments.
+
+Lines in a row are one line, arcs of one circle are one arc, and short chords are the arc that they
+mean."""
 
 from __future__ import annotations
 
@@ -15,8 +16,7 @@ from flexfem.importing.curves import arc, with_ends
 from flexfem.mechanism.outlines import Segment
 
 ON_ARC = 1e-3  # mm; most that the ends of chords lie off the arc that they mean
-# mm; the same where the first of them lie as near: then it ends where the next curve begins
-EXACT = 1e-4
+EXACT = 1e-4  # mm; the same where the first lie as near: then it ends where the next curve begins
 CHORD = 5e-3  # mm; most that the middle of such a chord lies off the arc
 STEP = math.radians(6.1)  # most turn from chord to chord: 60 of them or more in a circle
 FEWEST = 6  # chords
@@ -30,9 +30,9 @@ THREE = np.array([0.0, 0.5, 1.0])
 class SmoothLoop(NamedTuple):
     """A closed loop.
 
-    arcs : number of those that stand for chords.   off : largest distance of these chords from
-    them, mm.
-    joined : the same of arcs that became one.
+    arcs : number of those that stand for chords.
+    off : largest distance of these chords from them, mm.   joined : the same of arcs that became
+    one.
     """
 
     loop: list[Segment]
@@ -49,8 +49,9 @@ def smoothed(loop: Sequence[Segment]) -> SmoothLoop:
 
 
 def _from_a_corner(loop: Sequence[Segment]) -> list[Segment]:
-    """Let the loop begin where it turns most, so that nothing that belongs together goes past its
-    start.
+    """Let the loop begin where it turns most.
+
+    Then nothing that belongs together goes past its start.
     """
     ahead = np.array([complex(each.tangent(0.0)) for each in loop])
     behind = np.array([complex(each.tangent(1.0)) for each in loop])
@@ -89,8 +90,9 @@ def _arcs_of_chords(loop: list[Segment]) -> SmoothLoop:
 
 
 def _row_ends(loop: Sequence[Segment], points: AnyArray) -> list[int]:
-    """Return, by line, the index after the last one of a row from it that turns a little, all to
-    one side.
+    """Return, by line, the index after the last one of a row from it.
+
+    The lines of a row turn a little, all to one side.
     """
     straight = np.array([each.centre is None for each in loop])
     steps = np.diff(points)
@@ -106,14 +108,17 @@ def _row_ends(loop: Sequence[Segment], points: AnyArray) -> list[int]:
 
 
 def _longest_row(points: AnyArray) -> tuple[int, complex | None]:
-    """Number of lines through points, from the first, whose ends are on one circle, and its centre
-    or None.
+    """Number of lines through points, from the first, whose ends are on one circle, and its centre.
+
+    The centre is None where there is no such row.
     """
+    first = points[: FEWEST + 1]
     if len(points) <= FEWEST:
         return 0, None
-    for tolerance in (EXACT, ON_ARC):
-        if _centre(points[: FEWEST + 1], tolerance) is not None:
-            break
+    if _centre(first, EXACT) is not None:
+        tolerance = EXACT
+    elif _centre(first, ON_ARC) is not None:
+        tolerance = ON_ARC
     else:
         return 0, None
     good = FEWEST
@@ -128,38 +133,27 @@ def _longest_row(points: AnyArray) -> tuple[int, complex | None]:
 
 
 def _centre(points: AnyArray, tolerance: float) -> complex | None:
-    """Centre of the circle that points (n,) are on within a tolerance, with short chords between
-    them, or None.
+    """Centre of the circle that points (n,) are on within a tolerance, None without one.
+
+    The chords between them have to be short.
     """
-    closed = abs(points[-1] - points[0]) < ON_LINE
-    start = complex(points[0])
-    end = complex(points[-1])
-    if closed:
-        centre = _fitted(points)
-    else:
-        ahead = (end - start) / abs(end - start)
-        local = (points[1:-1] - (start + end) / 2) / ahead
-        half = abs(end - start) / 2
-        weight = local.imag
-        square = float(np.sum(weight**2))
-        if square < ON_LINE**2:
-            return None
-        height = float(np.sum(weight * (np.abs(local) ** 2 - half**2))) / (2 * square)
-        centre = (start + end) / 2 + 1j * ahead * height
+    is_closed = abs(points[-1] - points[0]) < ON_LINE
+    centre = _fitted(points) if is_closed else _fitted_between_ends(points)
+    if centre is None:
+        return None
     spokes = points - centre
     radius = float(np.mean(np.abs(spokes[[0, -1]])))
     steps = np.angle(spokes[1:] / spokes[:-1])
-    chords = radius * (1 - np.cos(np.max(np.abs(steps)) / 2))
+    largest = np.max(np.abs(steps))
+    is_on_circle = np.max(np.abs(np.abs(spokes) - radius)) <= tolerance
+    is_short = radius * (1 - np.cos(largest / 2)) <= CHORD and largest <= STEP
+    if not is_on_circle or not is_short:
+        return None
     turn = abs(float(np.sum(steps)))
-    fits = (
-        np.max(np.abs(np.abs(spokes) - radius)) <= tolerance
-        and chords <= CHORD
-        and np.max(np.abs(steps)) <= STEP
-    )
-    height = radius * (
-        1 - math.cos(min(turn, math.pi) / 2)
-    )  # with less than this the points are as well on a line
-    return centre if fits and turn >= LEAST_TURN and height > 5 * tolerance else None
+    height = radius * (1 - math.cos(min(turn, math.pi) / 2))
+    if turn < LEAST_TURN or height <= 5 * tolerance:  # the points are as well on a line
+        return None
+    return centre
 
 
 def _fitted(points: AnyArray) -> complex:
@@ -171,24 +165,40 @@ def _fitted(points: AnyArray) -> complex:
     return middle + complex(found[0], found[1]) / 2
 
 
+def _fitted_between_ends(points: AnyArray) -> complex | None:
+    """Centre of the circle through the ends of points that fits the others best, None of a line."""
+    start = complex(points[0])
+    end = complex(points[-1])
+    middle = (start + end) / 2
+    ahead = (end - start) / abs(end - start)
+    half = abs(end - start) / 2
+    local = (points[1:-1] - middle) / ahead
+    weight = local.imag
+    square = float(np.sum(weight**2))
+    if square < ON_LINE**2:
+        return None
+    height = float(np.sum(weight * (np.abs(local) ** 2 - half**2))) / (2 * square)
+    return middle + 1j * ahead * height
+
+
 def _arc_through(row: Sequence[Segment], centre: complex) -> list[Segment]:
     """Arcs about a centre from the start of a row of lines or arcs to its end."""
-    points = np.array([row[0].start, *(each.end for each in row)])
-    if abs(points[-1] - points[0]) > 0.2 * abs(
-        points[0] - centre
-    ):  # else its ends do not tell the centre
-        centre = (
-            with_ends(Segment(row[0].start, row[-1].end, centre), row[0].start, row[-1].end).centre
-            or centre
-        )
+    start = row[0].start
+    end = row[-1].end
+    points = np.array([start, *(each.end for each in row)])
+    if abs(end - start) > 0.2 * abs(start - centre):  # else its ends do not tell the centre
+        centre = with_ends(Segment(start, end, centre), start, end).centre or centre
     turn = float(np.sum(np.angle((points[1:] - centre) / (points[:-1] - centre))))
-    found = arc(centre, row[0].start, turn)
-    found[-1] = found[-1]._replace(end=row[-1].end)
+    found = arc(centre, start, turn)
+    found[-1] = found[-1]._replace(end=end)
     return found
 
 
 def _off(row: Sequence[Segment], centre: complex) -> float:
-    """Largest distance of the lines of a row from the circle about a centre through their ends, mm."""
+    """Largest distance of the lines of a row from the circle about a centre, mm.
+
+    The circle goes through the start of the row.
+    """
     radius = abs(row[0].start - centre)
     ends = max(abs(abs(each.end - centre) - radius) for each in row)
     middles = max(abs(abs((each.start + each.end) / 2 - centre) - radius) for each in row)
@@ -217,37 +227,32 @@ def _joined_lines(loop: Sequence[Segment]) -> list[Segment]:
 
 def _in_a_row(whole: Segment, ends: AnyArray) -> bool:
     """Whether points are on a line, in their order."""
-    if abs(whole.end - whole.start) < ON_LINE:
+    along = whole.end - whole.start
+    if abs(along) < ON_LINE:
         return False
-    places = (ends - whole.start) / (whole.end - whole.start)
+    places = (ends - whole.start) / along
     steps = np.diff([0.0, *places.real.tolist(), 1.0])
-    return bool(
-        np.all(steps > 0) and np.max(np.abs(places.imag)) * abs(whole.end - whole.start) <= ON_LINE
-    )
+    off = np.max(np.abs(places.imag)) * abs(along)
+    return bool(np.all(steps > 0) and off <= ON_LINE)
 
 
 def _joined_arcs(loop: Sequence[Segment]) -> tuple[list[Segment], float]:
-    """Join arcs that follow each other on one circle; also return how far the joined ones are off
-    it, mm.
-    """
+    """Join arcs that follow each other on one circle, and return how far they are off it, mm."""
+    rows = list[list[Segment]]()
+    for segment in loop:
+        row = [*rows[-1], segment] if rows else []
+        if row and len(row) <= LONGEST_ROW and _off_circle(row) <= ONE_CIRCLE:
+            rows[-1] = row
+        else:
+            rows.append([segment])
     joined = list[Segment]()
-    row = list[Segment]()
     off = 0.0
-    for segment in [*loop, None]:
-        if (
-            row
-            and segment is not None
-            and len(row) < LONGEST_ROW
-            and _off_circle([*row, segment]) <= ONE_CIRCLE
-        ):
-            row.append(segment)
-            continue
+    for row in rows:
         if len(row) > 1:
             off = max(off, _off_circle(row))
             joined += _arc_through(row, _row_centre(row))
         else:
             joined += row
-        row = [] if segment is None else [segment]
     return joined, off
 
 
@@ -259,8 +264,9 @@ def _row_centre(row: Sequence[Segment]) -> complex:
 
 
 def _off_circle(row: Sequence[Segment]) -> float:
-    """Largest distance of arcs that turn to one side from their one circle, mm; infinite for
-    others.
+    """Largest distance of arcs from their one circle, mm.
+
+    It is infinite for lines, and for arcs that turn to both sides.
     """
     if any(each.centre is None or each.turn * row[0].turn < 0 for each in row):
         return math.inf

@@ -1,8 +1,8 @@
-"""The two edges of a plate on both sides of a neck, in the frame of a hinge, up to where they leave
-it.
+"""The two edges of a plate on both sides of a neck, up to where they leave a hinge.
 
 The frame has its x axis along the hinge and its y axis to the left of it. Both edges are given as
-left ones: the right edge is mirrored."""
+left ones: the right edge is mirrored.
+"""
 
 from __future__ import annotations
 
@@ -21,14 +21,15 @@ from flexfem.mechanism.edges import mapped
 from flexfem.mechanism.layout import PointOrPoints
 from flexfem.mechanism.outlines import SHORTEST, Segment
 
-CONVEX = math.radians(
-    2.0
-)  # decrease of the slope at which an edge leaves a hinge; arcs that stand for curves have less
+# Decrease of the slope at which an edge leaves a hinge; arcs that stand for curves have less.
+CONVEX = math.radians(2.0)
 CORNER = math.radians(2.0)  # increase of the slope that is a corner
 WALL = math.radians(75.0)  # slope after a corner of an edge that is a side of a body
 UPRIGHT = math.pi / 2
 SLIGHT = 1e-5  # rad, of a slope: round-off of coordinates
 CLOSE = 1e-3  # mm, up to which two ends are one
+ONE_CENTRE = 1e-7  # mm, between the centres of arcs that are one
+LONGEST_JOINED = 2.2  # rad, turn of an arc that is joined of others
 STEEP_FLANK = math.radians(30.0)  # slope of a long straight edge that may be a side of a body
 
 
@@ -65,8 +66,7 @@ class Way(NamedTuple):
 
 
 class Strip(NamedTuple):
-    """Both edges of a hinge between two positions on its axis, from the first to the second body,
-    and their segments.
+    """Both edges of a hinge between two positions on its axis, from the first to the second body.
 
     left, right : in the frame, the right one mirrored.   low, high : positions of the ends, mm.
     """
@@ -91,21 +91,18 @@ def part(segment: Segment, first: float, last: float) -> Segment:
 
 
 def from_place(loop: Sequence[Segment], place: Place, sense: int) -> Iterator[tuple[Segment, int]]:
-    """Yield the segments of a loop from a place on, in its sense (1) or against it (-1), with their
-    indices.
+    """Yield the segments of a loop from a place on, with their indices.
+
+    sense : 1 for that of the loop, -1 for the opposite one.
     """
-    first = loop[place.segment]
-    yield (
-        (part(first, place.share, 1.0) if sense > 0 else part(first, 0.0, place.share).reversed()),
-        place.segment,
-    )
+    before = part(loop[place.segment], 0.0, place.share)
+    after = part(loop[place.segment], place.share, 1.0)
+    first, last = (after, before) if sense > 0 else (before.reversed(), after.reversed())
+    yield first, place.segment
     for step in range(1, len(loop)):
         index = (place.segment + sense * step) % len(loop)
         yield (loop[index] if sense > 0 else loop[index].reversed()), index
-    yield (
-        (part(first, 0.0, place.share) if sense > 0 else part(first, place.share, 1.0).reversed()),
-        place.segment,
-    )
+    yield last, place.segment
 
 
 def _slope(segment: Segment, share: float) -> float:
@@ -118,8 +115,10 @@ def way_of(
     """Return the edge from a neck outwards, up to where it leaves the hinge.
 
     It does so where its slope decreases, at a corner beyond which it is steeper than `wall`, rad,
-    and where it is upright."""
-    way = Way([], [], 0)
+    and where it is upright.
+    """
+    segments = list[Segment]()
+    indices = list[int]()
     steepest = -math.inf
     flank: int | None = None
     for piece, index in pieces:
@@ -129,29 +128,19 @@ def way_of(
         assert isinstance(segment, Segment)
         start = _slope(segment, 0.0)
         end = start + segment.turn
-        is_corner = way.segments and start > steepest + CORNER
-        if (
-            min(start, end) < steepest - CONVEX
-            or start > UPRIGHT - SLIGHT
-            or (is_corner and start > wall)
-        ):
+        is_wall = bool(segments) and start > max(wall, steepest + CORNER)
+        is_convex = min(start, end) < steepest - CONVEX
+        if is_convex or is_wall or start > UPRIGHT - SLIGHT:
             break
-        if (
-            flank is None
-            and segment.centre is None
-            and start > STEEP_FLANK
-            and segment.length > segment.start.imag
-        ):
-            flank = len(way.segments)
-        is_last = end > UPRIGHT + SLIGHT
-        if is_last:
-            segment = part(segment, 0.0, (UPRIGHT - start) / segment.turn)
-        way.segments.append(segment)
-        way.indices.append(index)
+        if flank is None and _is_steep_flank(segment, start):
+            flank = len(segments)
+        indices.append(index)
+        if end > UPRIGHT + SLIGHT:  # an arc that leaves the hinge where it is upright
+            segments.append(part(segment, 0.0, (UPRIGHT - start) / segment.turn))
+            break
+        segments.append(segment)
         steepest = max(steepest, start, end)
-        if is_last:
-            break
-    return way._replace(flank=len(way.segments) if flank is None else flank)
+    return Way(segments, indices, len(segments) if flank is None else flank)
 
 
 class Ways(NamedTuple):
@@ -207,9 +196,16 @@ def _mirrored(segment: Segment) -> Segment:
     return Segment(-segment.start.conjugate(), -segment.end.conjugate(), centre)
 
 
+def _is_steep_flank(segment: Segment, slope: float) -> bool:
+    """Whether a segment is straight, steep and longer than its distance from the axis."""
+    is_steep = segment.centre is None and slope > STEEP_FLANK
+    return is_steep and segment.length > segment.start.imag
+
+
 def joined(segments: Sequence[Segment]) -> list[Segment]:
-    """Return a path in which lines that continue each other, and short arcs about one centre, are
-    one segment.
+    """Return a path in which segments that continue each other are one.
+
+    They are lines, and short arcs about one centre.
     """
     found = list[Segment]()
     for segment in segments:
@@ -222,47 +218,43 @@ def joined(segments: Sequence[Segment]) -> list[Segment]:
 
 
 def _continues(one: Segment, other: Segment) -> bool:
-    if one.centre is None or other.centre is None:
-        if one.centre is not None or other.centre is not None:
-            return False
-        along = other.end - one.start
-        aside = ((one.end - one.start) * along.conjugate()).imag / abs(along)
-        ahead = ((one.end - one.start) * (other.end - other.start).conjugate()).real
-        return ahead > 0 and abs(aside) < SHORTEST * 10
-    alike = abs(one.centre - other.centre) < 1e-7 and one.turn * other.turn > 0
-    return alike and abs(one.turn + other.turn) < 2.2
+    if one.centre is not None and other.centre is not None:
+        is_one_circle = abs(one.centre - other.centre) < ONE_CENTRE and one.turn * other.turn > 0
+        return is_one_circle and abs(one.turn + other.turn) < LONGEST_JOINED
+    if one.centre is not None or other.centre is not None:
+        return False
+    ahead = one.end - one.start
+    along = other.end - one.start
+    aside = (ahead * along.conjugate()).imag / abs(along)
+    is_forward = (ahead * (other.end - other.start).conjugate()).real > 0
+    return is_forward and abs(aside) < SHORTEST * 10
 
 
 def clipped(edge: Sequence[Segment], low: float, high: float) -> list[Segment]:
-    """Return the part of an edge between two positions on the axis; ends nearly there are moved to
-    them.
+    """Return the part of an edge between two positions on the axis.
+
+    Ends nearly there are moved to them.
     """
     found = list[Segment]()
     for segment in edge:
-        first = share_at(segment, low) if segment.start.real < low - CLOSE else 0.0
-        last = share_at(segment, high) if segment.end.real > high + CLOSE else 1.0
-        if (
-            last > first
-            and segment.end.real > low + SHORTEST
-            and segment.start.real < high - SHORTEST
-        ):
+        start = segment.start.real
+        end = segment.end.real
+        first = share_at(segment, low) if start < low - CLOSE else 0.0
+        last = share_at(segment, high) if end > high + CLOSE else 1.0
+        if last > first and end > low + SHORTEST and start < high - SHORTEST:
             found.append(part(segment, first, last))
     return found
 
 
 def share_at(segment: Segment, x: float) -> float:
-    """Return the share of the length of a segment at which it is at a position on the axis that it
-    passes.
-    """
+    """Return the share of the length of a segment at which it passes a position on the axis."""
     if segment.centre is None:
         return (x - segment.start.real) / (segment.end.real - segment.start.real)
     radius = abs(segment.start - segment.centre)
     aside = x - segment.centre.real
     high = math.sqrt(max(radius**2 - aside**2, 0.0))
-    shares = [
-        float(segment.shares(np.asarray(segment.centre + complex(aside, side * high))))
-        for side in (-1, 1)
-    ]
+    places = [segment.centre + complex(aside, side * high) for side in (-1, 1)]
+    shares = [float(segment.shares(np.asarray(place))) for place in places]
     return min(max(min(shares, key=lambda share: abs(share - 0.5)), 0.0), 1.0)
 
 
@@ -275,16 +267,16 @@ def height_at(edge: Sequence[Segment], x: Array) -> Array:
         inside = (x >= low - CLOSE) & (x <= high + CLOSE) & np.isnan(found)
         if not inside.any():
             continue
+        nearest = np.clip(x[inside], low, high)
         if segment.centre is None:
             rise = (segment.end.imag - segment.start.imag) / (high - low) if high > low else 0.0
-            found[inside] = segment.start.imag + rise * (np.clip(x[inside], low, high) - low)
+            found[inside] = segment.start.imag + rise * (nearest - low)
         else:
             radius = abs(segment.start - segment.centre)
-            aside = np.clip(x[inside], low, high) - segment.centre.real
+            aside = nearest - segment.centre.real
             side = -math.copysign(1.0, segment.turn)
-            found[inside] = segment.centre.imag + side * np.sqrt(
-                np.maximum(radius**2 - aside**2, 0.0)
-            )
+            upwards = np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
+            found[inside] = segment.centre.imag + side * upwards
     return found
 
 

@@ -1,7 +1,8 @@
 """SVG drawings: paths and shapes with their transforms, mm, y upwards.
 
 The text is parsed here, so that a file can neither declare entities nor refer to others;
-svgelements then draws it."""
+svgelements then draws it.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +55,11 @@ NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 PHYSICAL = re.compile(rf"\s*{NUMBER}\s*(mm|cm|in|pt|pc)\s*")
 LENGTH = re.compile(rf"\s*({NUMBER})\s*(mm|cm|in|pt|pc|px)?\s*")
 PLACES = ("x", "y", "width", "height", "cx", "cy", "r", "rx", "ry", "x1", "y1", "x2", "y2")
-SAME_SCALE = 1e-3
+SAME_SCALE = 1e-3  # of the scales of both directions, per scale
+DEFAULT_PIXELS = 1e3  # width and height of a page that states none
+UNPAINTED = ("none", "transparent")
+ON_CHORD = 1e-9  # mm^2; distance of the points of a Bezier curve that is a line, times its length
+ROUND_OFF = 1e-9  # of radii, per radius, and of turns, rad
 UNSTATED = f"The file states no physical size, and {DOTS_PER_INCH} px per inch are assumed."
 SOLID = re.compile(r"\s*(none|0*(\.0*)?(px|mm)?([\s,]+0*(\.0*)?(px|mm)?)*)\s*", re.IGNORECASE)
 
@@ -84,9 +89,8 @@ def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
     reader = _Reader(page, scale, left_out)
     try:
         text = io.BytesIO(ElementTree.tostring(root))
-        reader.read(
-            svgelements.SVG.parse(text, width=page.width, height=page.height, on_error="raise")
-        )
+        drawn = svgelements.SVG.parse(text, width=page.width, height=page.height, on_error="raise")
+        reader.read(drawn)
     except BadInput:
         raise
     except Exception as error:  # svgelements raises many kinds for impossible values
@@ -118,9 +122,8 @@ class _Builder:
             raise BadInput(f"elements nested more than {DEEPEST} deep, expected fewer")
         if self.count > MOST_ELEMENTS:
             raise BadInput(f"more than {MOST_ELEMENTS:,} elements, expected fewer")
-        self.tree.start(
-            _qualified(name), {_qualified(key): value for key, value in attributes.items()}
-        )
+        qualified = {_qualified(key): value for key, value in attributes.items()}
+        self.tree.start(_qualified(name), qualified)
 
     def end(self, name: str) -> None:
         """End an element."""
@@ -134,7 +137,7 @@ def _qualified(name: str) -> str:
 
 
 def _refuse_declarations(
-    _: str, __: str | None, ___: str | None, has_internal_subset: bool
+    _name: str, _system: str | None, _public: str | None, has_internal_subset: bool
 ) -> None:
     if has_internal_subset:
         raise BadInput(
@@ -176,6 +179,20 @@ def _simplify(element: ElementTree.Element, left_out: Counter[str]) -> None:
             left_out[NOT_DRAWN.get(name, f"<{name[:40]}> elements")] += 1
 
 
+def _view(root: ElementTree.Element) -> tuple[float, float, float, float] | None:
+    """Return x, y, width and height of the `viewBox`, None without one. Raises BadInput."""
+    texts = re.split(r"[\s,]+", root.get("viewBox", "").strip())
+    numbers = [number for number in map(_number, texts) if number is not None]
+    if len(texts) != 4 or len(numbers) != 4:
+        return None
+    x, y, width, height = numbers
+    if width <= 0 or height <= 0:
+        raise BadInput(
+            f"viewBox {root.get('viewBox')!r}, expected a positive width and height"[:120]
+        )
+    return x, y, width, height
+
+
 def _check_texts(element: ElementTree.Element, name: str) -> None:
     """Refuse texts that a parser takes long for; a style sheet has no long blanks then."""
     if name == "style":
@@ -186,9 +203,8 @@ def _check_texts(element: ElementTree.Element, name: str) -> None:
             )
         element.text = text
     for key in PLACES:
-        length = (
-            _millimetres(element.get(key)) if PHYSICAL.fullmatch(element.get(key, "")) else None
-        )
+        text = element.get(key, "")
+        length = _millimetres(text) if PHYSICAL.fullmatch(text) else None
         if length is not None:  # svgelements rounds the inch
             element.set(key, repr(length * DOTS_PER_INCH / INCH))
     if len(element.get("transform", "")) > LONGEST_TRANSFORM:
@@ -276,28 +292,30 @@ class _Page(NamedTuple):
 
 
 def _page(root: ElementTree.Element) -> _Page:
-    """Return the page; a user unit is a pixel of CSS unless width or height and `viewBox` say
-    otherwise.
+    """Return the page.
+
+    A user unit is a pixel of CSS unless width or height and `viewBox` say otherwise.
     """
     pixel = INCH / DOTS_PER_INCH
-    width, height = (_positive(_millimetres(root.get(key))) for key in ("width", "height"))
-    stated = any(PHYSICAL.fullmatch(root.get(key, "")) for key in ("width", "height"))
-    numbers = [_number(each) for each in re.split(r"[\s,]+", root.get("viewBox", "").strip())]
-    if len(numbers) != 4 or any(each is None for each in numbers):
-        return _Page(
-            0.0, 0.0, (width or 1e3 * pixel) / pixel, (height or 1e3 * pixel) / pixel, pixel, False
-        )
-    x, y, across, up = (each or 0.0 for each in numbers)
-    if not across > 0 or not up > 0:
-        raise BadInput(
-            f"viewBox {root.get('viewBox')!r}, expected a positive width and height"[:120]
-        )
-    scales = [size / of for size, of in ((width, across), (height, up)) if size]
+    width = _positive(_millimetres(root.get("width")))
+    height = _positive(_millimetres(root.get("height")))
+    view = _view(root)
+    if view is None:
+        across = (width or DEFAULT_PIXELS * pixel) / pixel
+        up = (height or DEFAULT_PIXELS * pixel) / pixel
+        return _Page(0.0, 0.0, across, up, pixel, False)
+    x, y, across, up = view
+    scales = list[float]()
+    if width:
+        scales.append(width / across)
+    if height:
+        scales.append(height / up)
     fit = root.get("preserveAspectRatio", "")
     if "none" in fit and len(scales) == 2 and abs(scales[0] / scales[1] - 1) > SAME_SCALE:
         raise BadInput("a viewBox that is stretched in one direction, expected equal scales")
-    scale = (max if "slice" in fit else min)(scales, default=pixel)
-    return _Page(x, y, across, up, scale, stated)
+    chosen = max if "slice" in fit else min
+    stated = any(PHYSICAL.fullmatch(root.get(key, "")) for key in ("width", "height"))
+    return _Page(x, y, across, up, chosen(scales, default=pixel), stated)
 
 
 def _positive(length: float | None) -> float | None:
@@ -356,14 +374,14 @@ class _Reader:
             return f"elements of {layer}"
         if str(values.get("visibility", "")).strip() in ("hidden", "collapse"):
             return "hidden elements"
-        stroke = str(values.get("stroke", "none")).strip()
-        fill = str(values.get("fill", "black")).strip()
-        if stroke in ("none", "transparent") and fill in ("none", "transparent"):
+        has_stroke = str(values.get("stroke", "none")).strip() not in UNPAINTED
+        has_fill = str(values.get("fill", "black")).strip() not in UNPAINTED
+        if not has_stroke and not has_fill:
             return "elements that are not painted"
         if not SOLID.fullmatch(str(values.get("stroke-dasharray") or "none")):
             return "dashed lines"
-        unstroked = isinstance(element, svgelements.Rect) and stroke in ("none", "transparent")
-        if unstroked and self.page.is_covered(element.bbox()):
+        is_unstroked = isinstance(element, svgelements.Rect) and not has_stroke
+        if is_unstroked and self.page.is_covered(element.bbox()):
             return "backgrounds"
         return ""
 
@@ -394,40 +412,48 @@ class _Reader:
             return []
         start = self._point(piece.start)
         end = self._point(piece.end)
-        if isinstance(piece, svgelements.CubicBezier | svgelements.QuadraticBezier):
-            controls = (
-                [piece.control1, piece.control2] if hasattr(piece, "control1") else [piece.control]
-            )
-            points = [start, *map(self._point, controls), end]
-            straight = all(
-                abs(((z - start) * (end - start).conjugate()).imag) < 1e-9 for z in points
-            )
-            along = [((z - start) * (end - start).conjugate()).real for z in points]
-            if straight and along == sorted(along):
-                return [Segment(start, end)] if start != end else []
-            return self._kept(bezier(points))
+        if isinstance(piece, svgelements.CubicBezier):
+            controls = [piece.control1, piece.control2]
+            return self._bezier([start, *map(self._point, controls), end])
+        if isinstance(piece, svgelements.QuadraticBezier):
+            return self._bezier([start, self._point(piece.control), end])
         if isinstance(piece, svgelements.Arc):
             return self._arc(piece, start, end)
-        return [Segment(start, end)] if start != end else []
+        return _line(start, end)
+
+    def _bezier(self, points: list[complex]) -> list[Segment]:
+        """Lines and arcs of a Bezier curve."""
+        start = points[0]
+        end = points[-1]
+        local = [(z - start) * (end - start).conjugate() for z in points]
+        along = [z.real for z in local]
+        if along == sorted(along) and all(abs(z.imag) < ON_CHORD for z in local):
+            return _line(start, end)
+        return self._kept(bezier(points))
 
     def _arc(self, piece: Any, start: complex, end: complex) -> list[Segment]:
         """Arc of a circle or an ellipse."""
-        radii = float(piece.rx) * self.scale, float(piece.ry) * self.scale
+        across = float(piece.rx) * self.scale
+        up = float(piece.ry) * self.scale
         turn = float(piece.sweep)
-        if min(radii) <= 0 or not math.isfinite(turn):
-            return [Segment(start, end)] if start != end else []
+        if min(across, up) <= 0 or not math.isfinite(turn):
+            return _line(start, end)
         centre = self._point(piece.center)
-        if abs(radii[0] - radii[1]) > 1e-9 * max(radii):
+        if abs(across - up) > ROUND_OFF * max(across, up):
             angle = float(piece.get_rotation())
-            major = complex(math.cos(angle), -math.sin(angle)) * radii[0]
-            minor = complex(-math.sin(angle), -math.cos(angle)) * radii[1]
+            major = complex(math.cos(angle), -math.sin(angle)) * across
+            minor = complex(-math.sin(angle), -math.cos(angle)) * up
             return self._kept(ellipse(centre, major, minor, float(piece.get_start_t()), turn))
-        if (
-            abs(radii[0] - abs(end - start) / 2) < SNAP
-        ):  # rounded numbers tell the centre of half a circle badly
+        if abs(across - abs(end - start) / 2) < SNAP:
+            # Rounded numbers tell the centre of half a circle badly.
             centre = (start + end) / 2
             turn = math.copysign(math.pi, turn)
         found = arc(centre, start, -turn)
-        if found and abs(turn) < 2 * math.pi - 1e-9:
+        if found and abs(turn) < 2 * math.pi - ROUND_OFF:
             found[-1] = found[-1]._replace(end=end)
         return found
+
+
+def _line(start: complex, end: complex) -> list[Segment]:
+    """Return a line, none of no length."""
+    return [Segment(start, end)] if start != end else []

@@ -13,6 +13,7 @@ from flexfem.files.refusals import as_toml
 from flexfem.importing.equal import (
     CopiedParts,
     EqualHinges,
+    Images,
     PartShape,
     equal_hinges,
     find_copies,
@@ -50,11 +51,8 @@ PLURALS = {
     "v": "v-shaped hinges",
     "profile": "hinges by table",
 }
-SINGULARS = {
-    "leaf": "leaf",
-    "circular": "notch",
-    "profile": "hinge",
-}  # other shapes are named after themselves
+# Other shapes are named after themselves.
+SINGULARS = {"leaf": "leaf", "circular": "notch", "profile": "hinge"}
 UNITS = {"angle": "deg"}  # of dimensions that are not in mm
 GROUND = "ground"
 STAGE = "stage"
@@ -78,8 +76,9 @@ class WrittenMechanism(NamedTuple):
 
 
 class Heading(NamedTuple):
-    """What a file states about the whole plate: its name, thickness, mm, material, and sources by
-    key path.
+    """What a file states about the whole plate.
+
+    thickness : mm.   sources : by key path.
     """
 
     name: str
@@ -90,23 +89,39 @@ class Heading(NamedTuple):
 
 def joint_of(hinge: FoundHinge, name: str = "") -> Joint:
     """Return a found hinge as a hinge of a layout, which cuts nothing from its bodies."""
-    sizes = {
+    given: dict[str, Any] = {
         key: math.radians(value) if key == "angle" else value
         for key, value in hinge.dimensions.items()
     }
-    given: dict[str, Any] = (
-        {**sizes, "table": hinge.table, "smooth": hinge.smooth} if hinge.table else {**sizes}
-    )
+    if hinge.table:
+        given |= {"table": hinge.table, "smooth": hinge.smooth}
     if hinge.side is not None:
         given["side"] = hinge.side
-    return Joint(
-        name, hinge.bodies, hinge.place, hinge.heading, profile_of(hinge.shape, given), 0.0
-    )
+    profile = profile_of(hinge.shape, given)
+    return Joint(name, hinge.bodies, hinge.place, hinge.heading, profile, 0.0)
 
 
 def written(found: FoundPlate, roles: Roles, heading: Heading) -> WrittenMechanism:
     """Return the mechanism file of a plate. Raises BadInput for a clamped edge that is a fillet."""
     return _Writer(found, roles, heading).written()
+
+
+class _Part(NamedTuple):
+    """A "body" or a "hinge", by its number, the index among those that were found."""
+
+    kind: str
+    number: int
+
+
+def _is_copied(part: _Part, copies: CopiedParts) -> bool:
+    """Return whether a part is an original of copies."""
+    return part.number in (copies.bodies if part.kind == "body" else copies.hinges)
+
+
+def _image_of(part: _Part, images: Images) -> _Part:
+    """Return the copy of a part."""
+    found = images.bodies if part.kind == "body" else images.hinges
+    return _Part(part.kind, found[part.number])
 
 
 class _Writer:
@@ -121,19 +136,14 @@ class _Writer:
         self.groups = equal_hinges(hinges)
         self.roots = _roots(self.groups)
         self.prefixes = _prefixes(self.groups, self.roots)
-        self.group_of = {
-            member: k for k, group in enumerate(self.groups) for member in group.members
-        }
+        self.group_of = {k: n for n, group in enumerate(self.groups) for k in group.members}
         shapes = [_shape(body, k, roles) for k, body in enumerate(found.bodies)]
         self.copies = find_copies(hinges, self.groups, shapes, _rounded_point)
         self.hinges = self._placed(hinges)
         self.joints = [joint_of(hinge) for hinge in self.hinges]
-        copied_bodies = {
-            k for each in self.copies for images, _ in each.images for k in images.values()
-        }
-        copied_hinges = {
-            k for each in self.copies for _, images in each.images for k in images.values()
-        }
+        images = [step for copies in self.copies for step in copies.images]
+        copied_bodies = {k for step in images for k in step.bodies.values()}
+        copied_hinges = {k for step in images for k in step.hinges.values()}
         kept = [k for k in range(len(found.bodies)) if k not in copied_bodies]
         self.bodies = sorted(kept, key=lambda k: (k not in roles.fixed, k != roles.output))
         self.originals = [k for k in range(len(hinges)) if k not in copied_hinges]
@@ -143,31 +153,33 @@ class _Writer:
         """Return the hinges as the file states them: rounded, and copies as moved ones."""
         placed = [_rounded(hinge, self.groups[self.group_of[k]]) for k, hinge in enumerate(hinges)]
         for copies in self.copies:
-            for move, (bodies, images) in zip(copies.moves, copies.images, strict=True):
-                for original, copy in images.items():
-                    placed[copy] = _moved(placed[original], move, bodies)
+            for move, images in zip(copies.moves, copies.images, strict=True):
+                for original, copy in images.hinges.items():
+                    placed[copy] = _moved(placed[original], move, images.bodies)
         return placed
 
     def _named(self) -> PartNames:
         """Return the names of all parts, those of copies as `[[copy]]` gives them."""
-        bodies = dict(zip(self.bodies, self._body_names(), strict=True))
-        hinges = dict(zip(self.originals, self._hinge_names(), strict=True))
-        roots = {("body", k): name for k, name in bodies.items()}
-        roots |= {("hinge", k): name for k, name in hinges.items()}
-        order = [("body", k) for k in self.bodies] + [("hinge", k) for k in self.originals]
-        counts = Counter(dict.fromkeys(roots.values(), 1))
+        names = dict[_Part, str]()
+        for k, name in zip(self.bodies, self._body_names(), strict=True):
+            names[_Part("body", k)] = name
+        for k, name in zip(self.originals, self._hinge_names(), strict=True):
+            names[_Part("hinge", k)] = name
+        roots = dict(names)
+        counts = Counter(dict.fromkeys(names.values(), 1))
         for copies in self.copies:
-            copied = {("body", k) for k in copies.bodies} | {("hinge", k) for k in copies.hinges}
-            for of_bodies, of_hinges in copies.images:
-                for part in [each for each in order if each in copied]:
-                    kind, index = part
-                    image = (kind, of_bodies[index] if kind == "body" else of_hinges[index])
-                    roots[image] = root = roots[part]
+            copied = [part for part in names if _is_copied(part, copies)]
+            for images in copies.images:
+                for part in copied:
+                    image = _image_of(part, images)
+                    root = roots[part]
                     counts[root] += 1
-                    named = bodies if kind == "body" else hinges
-                    named[image[1]] = f"{root} {counts[root]}"
-                    order.append(image)
-        return PartNames([bodies[k] for k in sorted(bodies)], [hinges[k] for k in sorted(hinges)])
+                    roots[image] = root
+                    names[image] = f"{root} {counts[root]}"
+        return PartNames(
+            [names[_Part("body", k)] for k in range(len(self.found.bodies))],
+            [names[_Part("hinge", k)] for k in range(len(self.found.hinges))],
+        )
 
     def _body_names(self) -> list[str]:
         """Return the names of the bodies that the file describes."""
@@ -260,11 +272,10 @@ class _Writer:
         for hole in body.holes:
             lines += ["", "[[body.holes]]"]
             circle = circle_of(hole)
-            lines += (
-                _disc(*circle)
-                if circle is not None
-                else _corners(outline_rows(self._vertices(hole, index)))
-            )
+            if circle is not None:
+                lines += _disc(*circle)
+            else:
+                lines += _corners(outline_rows(self._vertices(hole, index)))
         return "\n".join(lines)
 
     def _vertices(self, loop: Sequence[Segment], body: int) -> list[PlacedVertex]:
@@ -273,11 +284,10 @@ class _Writer:
     def _clamped(self, vertices: Sequence[PlacedVertex], body: int) -> list[int]:
         """Return the edges of the written outline on which the clamped segments lie."""
         segments = self.roles.clamped[body]
-        edges = [
-            k + 1
-            for k, vertex in enumerate(vertices)
-            if set(segments) & set(vertex.vertex.after.segments)
-        ]
+        edges = list[int]()
+        for number, placed in enumerate(vertices, 1):
+            if not set(segments).isdisjoint(placed.vertex.after.segments):
+                edges.append(number)
         if not edges:
             place = complex(self.found.bodies[body].outside[segments[0]].at(0.5))
             raise BadInput(
@@ -329,9 +339,8 @@ class _Writer:
         return "\n".join(lines)
 
     def _actuators(self) -> Iterator[str]:
-        for pushed, name in zip(
-            self.roles.actuators, _lettered("drive", len(self.roles.actuators)), strict=True
-        ):
+        names = _lettered("drive", len(self.roles.actuators))
+        for pushed, name in zip(self.roles.actuators, names, strict=True):
             between = [GROUND if body < 0 else self.names.bodies[body] for body in pushed.bodies]
             points = ", ".join(row_text([decimal(z.real), decimal(z.imag)]) for z in pushed.points)
             lines = [
@@ -339,18 +348,16 @@ class _Writer:
                 f'name = "{name}"',
                 f"between = {as_toml(between)}",
                 f"at_mm = [{points}]",
+                f"stack = {as_toml(pushed.stack or ASSUMED_STACK)}",
             ]
-            lines.append(f"stack = {as_toml(pushed.stack or ASSUMED_STACK)}")
             yield "\n".join(lines)
 
     def _output(self) -> str:
         at = row_text([decimal(self.roles.at.real), decimal(self.roles.at.imag)])
-        contact = (
-            ""
-            if self.roles.contact is None
-            else f"\ncontact_mm = {number_text(self.roles.contact)}"
-        )
-        return f"[output]\nbody = {as_toml(STAGE)}\nat_mm = {at}{contact}"
+        lines = ["[output]", f"body = {as_toml(STAGE)}", f"at_mm = {at}"]
+        if self.roles.contact is not None:
+            lines.append(f"contact_mm = {number_text(self.roles.contact)}")
+        return "\n".join(lines)
 
     def _provenance(self) -> str:
         read = f"read from {self.found.drawing.path.name}"
@@ -361,36 +368,42 @@ class _Writer:
             sources["hinge"] = read
         if self.copies:
             sources["copy"] = read
-        for k, index in enumerate(self.bodies):
-            key = (
-                "fixed"
-                if index in self.roles.fixed
-                else "clamped_edges"
-                if index in self.roles.clamped
-                else ""
-            )
-            if key:
-                about = self.names.bodies[index]
-                sources[f"body.{about}.{key}" if about.isidentifier() else f"body[{k}].{key}"] = (
-                    self.roles.sources["ground"]
-                )
+        sources |= self._sources_of_ground()
         sources["output"] = self.roles.sources["output"]
         if self.roles.contact is not None:
             sources["output.contact_mm"] = (
                 "assumed: half of the edge at the output, or a twentieth of the body"
             )
-        for k, pushed in enumerate(self.roles.actuators):
-            name = _lettered("drive", len(self.roles.actuators))[k]
-            key = f"actuator.{name}" if name.isidentifier() else f"actuator[{k}]"
-            sources[key] = "stated with the import"
+        sources |= self._sources_of_actuators()
+        lines = [f"{as_toml(key)} = {as_toml(text)}" for key, text in sources.items()]
+        return "\n".join(["[provenance]", *lines])
+
+    def _sources_of_ground(self) -> dict[str, str]:
+        """Return why bodies are fixed or clamped, by key path."""
+        sources = dict[str, str]()
+        for number, index in enumerate(self.bodies):
+            path = _key_path("body", self.names.bodies[index], number)
+            if index in self.roles.fixed:
+                sources[f"{path}.fixed"] = self.roles.sources["ground"]
+            elif index in self.roles.clamped:
+                sources[f"{path}.clamped_edges"] = self.roles.sources["ground"]
+        return sources
+
+    def _sources_of_actuators(self) -> dict[str, str]:
+        """Return where actuators and stacks are stated, by key path."""
+        sources = dict[str, str]()
+        names = _lettered("drive", len(self.roles.actuators))
+        for number, (pushed, name) in enumerate(zip(self.roles.actuators, names, strict=True)):
+            path = _key_path("actuator", name, number)
+            sources[path] = "stated with the import"
             if not pushed.stack:
-                sources[f"{key}.stack"] = "assumed: no stack was stated"
-        return "\n".join(
-            [
-                "[provenance]",
-                *(f"{as_toml(key)} = {as_toml(text)}" for key, text in sources.items()),
-            ]
-        )
+                sources[f"{path}.stack"] = "assumed: no stack was stated"
+        return sources
+
+
+def _key_path(table: str, name: str, number: int) -> str:
+    """Return the key path of an element: by its name, or by its number where that is no word."""
+    return f"{table}.{name}" if name.isidentifier() else f"{table}[{number}]"
 
 
 def _depths(found: FoundPlate, roles: Roles) -> list[int]:
@@ -414,31 +427,35 @@ def _outwards(hinge: FoundHinge, depths: Sequence[int]) -> FoundHinge:
 
 
 def _shape(body: FoundBody, index: int, roles: Roles) -> PartShape:
-    role = "fixed" if index in roles.fixed else "moves"
+    """Return what decides whether a body is a copy of another."""
+    role: str | None = "fixed" if index in roles.fixed else "moves"
+    if index == roles.output:
+        role = None
+    clamped_segments = set(roles.clamped.get(index, ()))
     sides = list[Segment]()
     clamped = list[int]()
     for loop in (body.outside, *body.holes):
         for vertex in vertices_of(loop, ()):
-            if loop is body.outside and set(vertex.after.segments) & set(
-                roles.clamped.get(index, ())
-            ):
+            after = vertex.after
+            if loop is body.outside and not clamped_segments.isdisjoint(after.segments):
                 clamped.append(len(sides))
-            sides.append(Segment(vertex.after.start, vertex.after.end, vertex.after.centre))
-    return shape_of(sides, clamped, None if index == roles.output else role)
+            sides.append(Segment(after.start, after.end, after.centre))
+    return shape_of(sides, clamped, role)
 
 
 def _rounded(hinge: FoundHinge, group: EqualHinges) -> FoundHinge:
-    """Return a hinge with the dimensions of its group, and its place and direction as they are
-    written.
-    """
-    reach = max(abs(joint_of(hinge).profile.length), joint_of(hinge).profile.end_height) / 2
+    """Return a hinge as it is written, with the dimensions of its group."""
+    profile = joint_of(hinge).profile
+    reach = max(abs(profile.length), profile.end_height) / 2
     degrees = math.degrees(hinge.heading)
     fewer = round(degrees, 4)
-    degrees = fewer if math.radians(abs(fewer - degrees)) * reach <= SNAP else degrees
-    heading = math.radians(_degrees(math.radians(degrees)))
-    rows = tuple(tuple(map(decimal, row)) for row in hinge.table)
+    if math.radians(abs(fewer - degrees)) * reach <= SNAP:
+        degrees = fewer
     return hinge._replace(
-        place=_rounded_point(hinge.place), heading=heading, dimensions=_stated(group), table=rows
+        place=_rounded_point(hinge.place),
+        heading=math.radians(_degrees(math.radians(degrees))),
+        dimensions=_stated(group),
+        table=tuple(tuple(map(decimal, row)) for row in hinge.table),
     )
 
 
@@ -457,10 +474,8 @@ def _stated(group: EqualHinges) -> dict[str, float]:
 
 
 def _moved(hinge: FoundHinge, move: Move, bodies: Mapping[int, int]) -> FoundHinge:
-    ends = (
-        bodies.get(hinge.bodies[0], hinge.bodies[0]),
-        bodies.get(hinge.bodies[1], hinge.bodies[1]),
-    )
+    first, second = hinge.bodies
+    ends = (bodies.get(first, first), bodies.get(second, second))
     image = mirrored(hinge) if move.mirrored else hinge
     return image._replace(bodies=ends, place=move(hinge.place), heading=move.heading(hinge.heading))
 
@@ -468,44 +483,50 @@ def _moved(hinge: FoundHinge, move: Move, bodies: Mapping[int, int]) -> FoundHin
 def _size(group: EqualHinges, prefix: str, side: str | None) -> HingeSize:
     """Return length and edges of a hinge as sums of the parameters of its group."""
     sizes = _stated(group)
-
-    def term(times: float, key: str, text: str = "{}", factor: float = 1.0) -> Term:
-        return Term(times, text.format(f"{prefix}{key}"), factor * sizes[key])
-
-    def both(*edge: Term) -> HingeSize:
-        left, right = (edge[:1] if side == flat else edge for flat in ("right", "left"))
-        return HingeSize(length, left, right)
-
-    length: tuple[Term, ...]
-    neck = term(0.5, "neck") if "neck" in sizes else None
-    if neck is None:
+    if "neck" not in sizes:
         return HingeSize()
+
+    def term(times: float, key: str) -> Term:
+        return Term(times, f"{prefix}{key}", sizes[key])
+
     match group.shape:
         case "leaf" | "filleted":
-            length = (term(1, "length"),)
-            return both(neck, term(1, "fillet")) if "fillet" in sizes else both(neck)
+            length = [term(1, "length")]
+            notch = [term(1, "fillet")] if "fillet" in sizes else []
         case "circular":
-            length = (term(2, "radius"),)
-            return both(neck, term(1, "radius"))
+            length = [term(2, "radius")]
+            notch = [term(1, "radius")]
         case "elliptical" | "parabolic":
-            length = (term(1, "length"),)
-            return both(neck, term(1, "depth"))
+            length = [term(1, "length")]
+            notch = [term(1, "depth")]
         case "v":
-            half = math.radians(sizes["angle"]) / 2
-            angle = f"{prefix}angle / 2"
-            slope = f"{{}} * tan({angle})"
-            length = (
-                term(2, "depth", slope, math.tan(half)),
-                term(2, "root_radius", f"{{}} / cos({angle})", 1 / math.cos(half)),
-                term(-2, "root_radius", slope, math.tan(half)),
-            )
-            return both(neck, term(1, "depth"))
-    return HingeSize()
+            length = _length_of_v(prefix, sizes)
+            notch = [term(1, "depth")]
+        case _:
+            return HingeSize()
+    neck = term(0.5, "neck")
+    left = (neck,) if side == "right" else (neck, *notch)
+    right = (neck,) if side == "left" else (neck, *notch)
+    return HingeSize(tuple(length), left, right)
+
+
+def _length_of_v(prefix: str, sizes: Mapping[str, float]) -> list[Term]:
+    """Return the length of a v-shaped hinge: both flanks, and the arc of the root between them."""
+    half = math.radians(sizes["angle"]) / 2
+    depth = f"{prefix}depth"
+    root = f"{prefix}root_radius"
+    angle = f"{prefix}angle / 2"
+    return [
+        Term(2, f"{depth} * tan({angle})", math.tan(half) * sizes["depth"]),
+        Term(2, f"{root} / cos({angle})", 1 / math.cos(half) * sizes["root_radius"]),
+        Term(-2, f"{root} * tan({angle})", math.tan(half) * sizes["root_radius"]),
+    ]
 
 
 def _roots(groups: Sequence[EqualHinges]) -> list[str]:
-    """Return what the names of the hinges of each group begin with, such as "leaf", or "leaf 1" of
-    several groups.
+    """Return what the names of the hinges of each group begin with.
+
+    It is a word such as "leaf", or "leaf 1" of several groups.
     """
     counts = Counter(group.shape for group in groups)
     seen = Counter[str]()
@@ -518,8 +539,9 @@ def _roots(groups: Sequence[EqualHinges]) -> list[str]:
 
 
 def _prefixes(groups: Sequence[EqualHinges], roots: Sequence[str]) -> list[str]:
-    """Return what the names of the parameters of each group begin with: nothing where there is one
-    group alone.
+    """Return what the names of the parameters of each group begin with.
+
+    It is nothing where there is one group alone.
     """
     if sum(bool(group.dimensions) for group in groups) < 2:
         return [""] * len(groups)
