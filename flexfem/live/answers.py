@@ -12,8 +12,8 @@ from flexfem.mechanism.hinge_place import joint_polygon
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon
+from flexfem.questions.handling import quick_stiffness
 from flexfem.questions.modes import modes
-from flexfem.questions.stiffness import stiffness
 from flexfem.results import Progress, Result
 
 SHOWN = (  # quantities of `stiffness`, with their names on the page
@@ -53,7 +53,7 @@ class PlateDrawing(NamedTuple):
 def rows_by_model(mechanism: Mechanism, models: Any, progress: Progress | None = None) -> list[Row]:
     """Return the key results by the analytic model or by finite elements."""
     asked: dict[str, Any] = {"models": models, "progress": progress}
-    at_rest = stiffness(mechanism, no_limits=True, **asked)
+    at_rest = quick_stiffness(mechanism, **asked)
     found = list[Row]()
     for quantity, name in SHOWN:
         found += _rows(at_rest, quantity, name)

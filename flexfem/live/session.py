@@ -54,13 +54,19 @@ class Session:
         self.stored: Mechanism
         self.mechanism: Mechanism
         self.answer: LiveAnswer
-        self.fault: Fault | None = None
+        self._fault_of_file: Fault | None = None
+        self._fault_of_numbers: Fault | None = None
         self._read()
 
     @property
     def title(self) -> str:
         """Name of the mechanism."""
         return self.stored.name
+
+    @property
+    def fault(self) -> Fault | None:
+        """What is wrong with the file, which remains while sliders move, or with their numbers."""
+        return self._fault_of_file or self._fault_of_numbers
 
     @property
     def can_save(self) -> bool:
@@ -85,14 +91,14 @@ class Session:
         try:
             self._read()
         except (BadInput, ComputationFailed) as refused:
-            self.fault = fault_of(refused, self.path)
+            self._fault_of_file = fault_of(refused, self.path)
 
     def change(self, values: Mapping[str, float]) -> None:
-        """LiveAnswer other numbers. What is wrong with them becomes the fault; the answer then stays."""
+        """Answer other numbers. What is wrong with them becomes the fault; the answer then stays."""
         try:
             self._answer(changed(self.stored, values), values)
         except (BadInput, ComputationFailed) as refused:
-            self.fault = fault_of(refused, None)
+            self._fault_of_numbers = fault_of(refused, None)
 
     def save(self) -> list[str]:
         """Write the numbers of the answer into the file; return the paths of the changed ones."""
@@ -109,6 +115,7 @@ class Session:
         values = {slider.path: slider.value for slider in sliders_of(stored)}
         self._answer(stored, values)
         self.stored = stored
+        self._fault_of_file = None
 
     def _answer(self, mechanism: Mechanism, values: Mapping[str, float]) -> None:
         began = perf_counter()
@@ -119,7 +126,7 @@ class Session:
             dict(values), drawing, handled(mechanism), rows, doubts, perf_counter() - began
         )
         self.mechanism = mechanism
-        self.fault = None
+        self._fault_of_numbers = None
 
 
 def fault_of(refused: Exception, path: Path | None) -> Fault:

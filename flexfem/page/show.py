@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 from functools import partial
 from html import escape
 from pathlib import Path
-from typing import Any
 
 from markupsafe import Markup
 
@@ -21,7 +20,8 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.page.handle import handled_drawing
 from flexfem.page.section import html_of, parts, section, sentence, shown_figure
 from flexfem.plot.plate import drawing_figure
-from flexfem.questions.stiffness import Stiffness, stiffness
+from flexfem.questions.handling import quick_stiffness
+from flexfem.questions.stiffness import Stiffness
 from flexfem.results import versions
 
 HEIGHT = 720  # pixels of the page in a notebook
@@ -93,11 +93,7 @@ def _quick_answer(mechanism: Mechanism) -> Stiffness | None:
     """Return the stiffness by the analytic model without ranges, None for a plate without hinges."""
     if not mechanism.layout.joints:
         return None
-    quick: dict[str, Any] = {"no_limits": True}
-    if mechanism.answering("stiffness") is not None:  # an own answer has no such option
-        quick = {}
-    found: Stiffness = stiffness(mechanism, models="analytic", **quick)
-    return found
+    return quick_stiffness(mechanism, models="analytic")
 
 
 def _doubts(answer: Stiffness) -> str:

@@ -18,7 +18,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon
 from flexfem.mechanism.profile import Profile
 from flexfem.mechanism.profile_beam import SIDES
-from flexfem.questions.stiffness import Stiffness
+from flexfem.questions.stiffness import Stiffness, stiffness
 from flexfem.units import DIRECTIONS
 
 MODES = 3  # that are drawn
@@ -131,6 +131,14 @@ def handled(mechanism: Mechanism, at_rest: Stiffness | None = None) -> Handled |
         modes=_modes(layout, len(moving)),
         range=[] if at_rest is None else _ranges(at_rest),
     )
+
+
+def quick_stiffness(mechanism: Mechanism, **asked: Any) -> Stiffness:
+    """Return the answer of `stiffness` without ranges, where leaving them out is an option."""
+    if mechanism.answering("stiffness") is None:
+        asked["no_limits"] = True
+    found: Stiffness = stiffness(mechanism, **asked)
+    return found
 
 
 def plain(value: Any) -> Any:

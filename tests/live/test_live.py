@@ -94,6 +94,27 @@ def test_a_fault_in_the_file_is_shown_at_its_line_until_it_is_mended(page, file)
     assert session.fault is None
 
 
+def test_a_slider_does_not_hide_a_fault_in_the_file(page, file):
+    session = page.session
+    text = file.read_text()
+    file.write_text(text.replace('length_mm = "length"', 'length_mm = "lenth"'))
+    session.reload()
+    fault = session.fault
+    session.change({"parameters.neck_mm": 0.6})
+    assert session.fault is fault
+    file.write_text(text)
+    session.reload()
+    assert session.fault is None
+
+
+def test_a_stage_file_is_answered(tmp_path):
+    copy = tmp_path / "stage.toml"
+    copy.write_text(Path("geometry/mobility6.toml").read_text())
+    session = Session(copy, NO_READING)
+    assert session.answer.handled is None
+    assert stiffness_along_x(session) == pytest.approx(41.9, abs=0.1)
+
+
 def test_save_changes_the_number_and_nothing_else_in_the_file(page, file):
     text = file.read_text()
     with client_of(page) as client:
