@@ -21,6 +21,7 @@ from ezdxf.lldxf.tagger import binary_tags_loader
 from flexfem.importing.curves import Approximation, Contents, DrawnCurve, approximated, arc, ellipse
 from flexfem.importing.found import DrawnMark
 from flexfem.importing.layers import is_remark
+from flexfem.importing.limit import started, within_limit
 from flexfem.importing.units import MM, DrawingUnit
 from flexfem.mechanism.outlines import Segment, bowed
 from flexfem.refused import BadInput, line_of, text_of
@@ -80,11 +81,12 @@ def read_dxf(data: bytes, path: Path, unit: DrawingUnit | None) -> Contents:
     Dimensions, texts, hatches, hidden and centre lines and layers that are off are left out and
     counted.
 
-    Raises BadInput for a file that is no complete DXF file, or has too many entities.
+    Raises BadInput for a file that is no complete DXF file, has too many entities or takes too long.
     """
+    start = started()
     document, notes = _document(data)
     stated = unit or _unit_of(document)
-    reader = _Reader(document, (stated or MM).millimetres)
+    reader = _Reader(document, (stated or MM).millimetres, start)
     try:
         reader.read(document.modelspace(), _Place("0", "CONTINUOUS", ()), 0)
     except (BadInput, RecursionError):
@@ -138,9 +140,10 @@ def _unit_of(document: Any) -> DrawingUnit | None:
 class _Reader:
     """The curves of a document, as they are read."""
 
-    def __init__(self, document: Any, scale: float) -> None:
+    def __init__(self, document: Any, scale: float, start: float) -> None:
         self.document = document
         self.scale = scale
+        self.start = start
         self.curves = list[DrawnCurve]()
         self.points = list[DrawnMark]()
         self.left_out = Counter[str]()
@@ -149,7 +152,7 @@ class _Reader:
 
     def read(self, entities: Iterable[Any], place: _Place, depth: int) -> None:
         """Read entities of a layout or a block."""
-        for entity in entities:
+        for entity in within_limit(entities, self.start):
             self.count += 1
             if self.count > MOST_ENTITIES:
                 raise BadInput(
@@ -220,7 +223,8 @@ class _Reader:
             raise BadInput(f"a block repeated {copies:,} times, expected at most {MOST_ENTITIES:,}")
         name = str(insert.dxf.get("name", ""))
         inside = at._replace(groups=(*at.groups, name))
-        for one in insert.multi_insert() if copies > 1 else (insert,):
+        inserts = insert.multi_insert() if copies > 1 else (insert,)
+        for one in within_limit(inserts, self.start):
             self.read(self._of_block(one), inside, depth + 1)
 
     def _of_block(self, insert: Any) -> Iterator[Any]:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from flexfem.fem.mesher import SECTION_ERROR, FoundSection, MeshTimeout, SolidSection, run_mesher
 from flexfem.importing.curves import Contents, DrawnCurve
+from flexfem.importing.limit import TIME_LIMIT
 from flexfem.importing.units import DrawingUnit
 from flexfem.refused import BadInput, ComputationFailed, line_of, printed
 
-TIME_LIMIT = 30.0  # s
 LARGEST_FILE = 50_000_000  # bytes
 LEFT_OUT = 0.05  # most of the volume that other faces than those of a plate may change
 NAMED = 12  # solids in a message

@@ -19,6 +19,7 @@ import svgelements
 
 from flexfem.importing.curves import Approximation, Contents, DrawnCurve, arc, bezier, ellipse
 from flexfem.importing.layers import is_mark, is_remark, is_screws
+from flexfem.importing.limit import started, within_limit
 from flexfem.importing.network import SNAP
 from flexfem.importing.units import INCH, LENGTHS, DrawingUnit
 from flexfem.mechanism.outlines import Segment
@@ -70,8 +71,10 @@ def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
     A group, an Inkscape layer or an element itself gives a curve the name of its layer. Texts,
     images, dashed lines and what is not painted are left out and counted.
 
-    Raises BadInput for a file that is not XML, declares entities or repeats too many elements.
+    Raises BadInput for a file that is not XML, declares entities, repeats too many elements or takes
+    too long.
     """
+    start = started()
     if len(data) > LARGEST_FILE:
         raise BadInput(f"{len(data):,} bytes, expected at most {LARGEST_FILE:,}")
     root = _parsed(data)
@@ -86,7 +89,7 @@ def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
     unstated = "" if page.stated or unit is not None else UNSTATED
     for key in ("width", "height", "viewBox", "preserveAspectRatio"):
         root.attrib.pop(key, None)
-    reader = _Reader(page, scale, left_out)
+    reader = _Reader(page, scale, left_out, start)
     try:
         text = io.BytesIO(ElementTree.tostring(root))
         drawn = svgelements.SVG.parse(text, width=page.width, height=page.height, on_error="raise")
@@ -346,16 +349,17 @@ def _millimetres(text: str | None) -> float | None:
 class _Reader:
     """The curves of a drawing, as they are read."""
 
-    def __init__(self, page: _Page, scale: float, left_out: Counter[str]) -> None:
+    def __init__(self, page: _Page, scale: float, left_out: Counter[str], start: float) -> None:
         self.page = page
         self.scale = scale
+        self.start = start
         self.left_out = left_out
         self.curves = list[DrawnCurve]()
         self.deviation = 0.0
 
     def read(self, drawn: Any) -> None:
         """Read all shapes of a drawing."""
-        for element in drawn.elements():
+        for element in within_limit(drawn.elements(), self.start):
             if not isinstance(element, svgelements.Shape):
                 continue
             values = element.values

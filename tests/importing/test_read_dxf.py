@@ -457,6 +457,28 @@ def test_refusals_are_one_line(draw, tmp_path):
     assert str(raised.value).startswith(f"{path}: ") and len(str(raised.value).splitlines()) == 1
 
 
+def test_a_file_that_takes_too_long_is_refused(tmp_path, monkeypatch):
+    path = drawn(as_entities, tmp_path)
+    monkeypatch.setattr("flexfem.importing.limit.TIME_LIMIT", 0.0)
+    with pytest.raises(BadInput, match=r"part\.dxf: not read within 0 s, expected a simpler"):
+        read_drawing(path)
+
+
+def test_copies_of_an_empty_block_are_refused_in_time(tmp_path, monkeypatch):
+    """Each reference counts as one entity, however many copies of nothing it draws."""
+
+    def repeated(space):
+        space.doc.blocks.new("NOTHING")
+        for _ in range(20):
+            space.add_blockref(
+                "NOTHING", (0, 0), {"row_count": 1000, "column_count": 100, "row_spacing": 1}
+            )
+
+    monkeypatch.setattr("flexfem.importing.limit.TIME_LIMIT", 0.2)
+    with pytest.raises(BadInput, match=r"not read within 0.2 s"):
+        read_drawing(drawn(repeated, tmp_path))
+
+
 def test_wider_tolerance_closes_a_gap(tmp_path):
     drawing = read_drawing(drawn(open_contour, tmp_path), tolerance=0.3)
     assert math.isclose(area_of(drawing), 2400 - math.pi * 25, rel_tol=0.3 * 60 / 2400)

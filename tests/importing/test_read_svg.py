@@ -213,6 +213,13 @@ def test_refusals_are_one_line(case, tmp_path):
     assert str(raised.value).startswith(f"{path}: ") and len(str(raised.value).splitlines()) == 1
 
 
+def test_a_file_that_takes_too_long_is_refused(tmp_path, monkeypatch):
+    path = written(tmp_path, f'<path d="{OUTLINE}"/>{HOLE}')
+    monkeypatch.setattr("flexfem.importing.limit.TIME_LIMIT", 0.0)
+    with pytest.raises(BadInput, match=r"not read within 0 s, expected a simpler drawing"):
+        read_drawing(path)
+
+
 def test_document_type_without_declarations_is_read(tmp_path):
     head = (
         '<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "http://www.w3.org/Graphics/SVG/1.1/DTD/svg11.dtd">'
