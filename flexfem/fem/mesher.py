@@ -47,6 +47,7 @@ SAME_SIZE = 1e-6  # relative, of their areas or lengths
 PERPENDICULAR = 1e-5  # most cosine between the normals of a plate and of a face perpendicular to it
 SOLID_NAME = re.compile(rb"MANIFOLD_SOLID_BREP\s*\(\s*'((?:[^']|'')*)'")
 ON_SIDE = 1e-4  # mm; a plane face at a smaller distance from a side of a plate is a part of it
+ALREADY_FLAT = 1e-12  # sine of the angle between the normal of a plate and z; round-off
 PARALLEL = 1 - 1e-9  # least cosine between the normals of parallel faces
 MOST_ARCS = 1000  # in place of one curve
 ON_LINE = 1e-9  # sine of the angle between two chords, below which three points are on a line
@@ -908,7 +909,7 @@ def _lay_flat(kernel: Any, solid: tuple[int, int], sides: _Sides) -> None:
     axis = np.cross(sides.normal, (0.0, 0.0, 1.0))
     sine = float(np.linalg.norm(axis))
     cosine = float(sides.normal[2])
-    if sine > 1e-12:
+    if sine > ALREADY_FLAT:
         kernel.rotate([solid], 0, 0, 0, *(axis / sine), math.atan2(sine, cosine))
     kernel.translate([solid], 0, 0, -(sides.low + sides.high) / 2)
     kernel.synchronize()

@@ -17,6 +17,7 @@ from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
 from flexfem.mechanism.plate import body_polygon
 from flexfem.mechanism.plate_checks import TOUCHING
 
+SAME_HEIGHT = 1e-9  # relative difference of the heights of a hinge at both sides of its centre
 DECIMALS = 9  # of coordinates, mm, of parts that are equal
 BEYOND = TOUCHING / 2  # mm, of a dividing line beyond the edge of the plate
 
@@ -64,7 +65,7 @@ def _marks_of_joint(joint: Joint) -> list[_Mark]:
     ahead = cmath.exp(1j * joint.heading)
     x = np.append(ALONG * joint.profile.length, joint.profile.breaks)
     functions = (joint.profile.height, joint.profile.middle)
-    is_even = all(np.allclose(of(x), of(-x), 1e-9) for of in functions)
+    is_even = all(np.allclose(of(x), of(-x), rtol=SAME_HEIGHT) for of in functions)
     profile, left = joint.sided
     ways = (ahead, -ahead) if is_even else (ahead,)
     along = (profile, joint.cut, joint.material)
