@@ -90,6 +90,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.studies import run_study as run_study
     from flexfem.studies import study_findings as study_findings
     from flexfem.studies import study_status as study_status
+    from flexfem.workshop import catalogue as catalogue
     from flexfem.workshop import hinge_formulas as hinge_formulas
     from flexfem.workshop import mesh as mesh
     from flexfem.workshop import new_stage as new_stage
@@ -168,6 +169,7 @@ OTHERS = {  # module of names that scripts may use, too; documented in their mod
     "run_study": "studies",
     "study_findings": "studies",
     "study_status": "studies",
+    "catalogue": "workshop",
     "hinge_formulas": "workshop",
     "mesh": "workshop",
     "new_stage": "workshop",

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
     from flexfem.plot.plate import Recognised
 
+UM = 1e-3  # mm
+MPA_PER_GPA = 1e3
 MECHANISMS = tuple(
     file.stem.removeprefix("mechanism-")
     for file in sorted((PACKAGE / "data").glob("mechanism-*.toml"))
@@ -361,3 +363,112 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
         }
         written = write_each(figures)
     return HingeFormulas(known_formulas(), known_shapes(), [str(path) for path in written])
+
+
+class StackEntry(NamedTuple):
+    """A stack of the catalogue at its highest voltage."""
+
+    name: str
+    maker: str
+    stroke_um: float
+    tolerance_um: float
+    stiffness_n_per_um: float
+    blocking_force_n: float
+    voltage_v: float
+
+
+class MaterialEntry(NamedTuple):
+    """A registered material: elastic constants, strength, and constants of fatigue if any."""
+
+    name: str
+    youngs_modulus_gpa: float
+    density_kg_m3: float
+    yield_strength_mpa: float
+    fatigue_strength_coefficient_mpa: float | None
+    fatigue_strength_exponent: float | None
+
+
+class ShapeEntry(NamedTuple):
+    """A shape of hinges and the keys of its dimensions in a mechanism file."""
+
+    shape: str
+    keys: str
+    optional_keys: str
+
+
+@brief
+class Catalogue(NamedTuple):
+    """Stacks, materials and shapes of hinges that files may name.
+
+    sources : of stacks and materials, by name.
+    """
+
+    stacks: list[StackEntry]
+    materials: list[MaterialEntry]
+    hinge_shapes: list[ShapeEntry]
+    sources: dict[str, str]
+
+
+def catalogue() -> Catalogue:
+    """List the stacks, the materials and the shapes of hinges that files may name.
+
+    Stacks have their stroke, stiffness and blocking force at the highest voltage; their length and
+    mass are not in the table that is their source. Lives need a material with fatigue constants.
+    """
+    from flexfem.mechanism.actuators import catalogue as stacks_by_name
+    from flexfem.mechanism.materials import REGISTERED, materials
+
+    stacks = stacks_by_name()
+    known = materials()
+    sources = {name: stack.source for name, stack in stacks.items()}
+    sources |= {name: REGISTERED[name].source for name in known}
+    return Catalogue(
+        [_stack_entry(stack) for stack in stacks.values()],
+        [_material_entry(material) for material in known.values()],
+        _shape_entries(),
+        sources,
+    )
+
+
+def _stack_entry(stack: Any) -> StackEntry:
+    return StackEntry(
+        stack.name,
+        stack.maker,
+        float(f"{stack.stroke / UM:.6g}"),
+        float(f"{stack.tolerance / UM:.6g}"),
+        float(f"{UM * stack.blocking_force / stack.stroke:.4g}"),
+        stack.blocking_force,
+        stack.voltage,
+    )
+
+
+def _material_entry(material: Any) -> MaterialEntry:
+    return MaterialEntry(
+        material.name,
+        float(f"{material.youngs_modulus / MPA_PER_GPA:.6g}"),
+        material.density,
+        material.yield_strength,
+        material.fatigue_strength_coefficient,
+        material.fatigue_strength_exponent,
+    )
+
+
+def _shape_entries() -> list[ShapeEntry]:
+    """Return the keys of every shape of hinges, with their units, as in a mechanism file."""
+    from dataclasses import MISSING, fields
+
+    from flexfem.mechanism.parts import PlateHinge
+    from flexfem.mechanism.profile_shape import FILE_KEYS
+    from flexfem.mechanism.profiles import SHAPES
+
+    entries = list[ShapeEntry]()
+    for shape, profile in SHAPES.items():
+        needed = list[str]()
+        optional = list[str]()
+        for each in fields(profile):
+            name = FILE_KEYS.get(each.name, each.name)
+            if each.init and name in PlateHinge.model_fields:
+                key = PlateHinge.model_fields[name].alias or name
+                (needed if each.default is MISSING else optional).append(key)
+        entries.append(ShapeEntry(shape, ", ".join(needed), ", ".join(optional)))
+    return entries

@@ -18,6 +18,7 @@ from flexfem import sources
 from flexfem.commands import cli
 from flexfem.commands.catalogue import COMMANDS
 from flexfem.commands.console import print_tables
+from flexfem.mechanism.profiles import SHAPES
 from flexfem.paper.case import LoadedCase
 from flexfem.paper.stage import load_feasible
 from flexfem.results import Result, TextTable
@@ -162,6 +163,35 @@ def test_an_output_with_an_ending_is_that_file_of_the_result(flexfem, tmp_path, 
     assert cell[-1] == "N" and cell[-2] == ""
     assert "other directions free" in (tmp_path / "k.html").read_text()
     assert sorted(tmp_path.glob("k*")) == [tmp_path / f"k.{e}" for e in ("csv", "html", "json")]
+
+
+def test_matrices_and_other_details_are_printed_with_all_only(flexfem):
+    asked = ["stiffness", ROOT / "geometry/parallelogram.toml", "--models", "analytic"]
+    code, brief, _ = flexfem(*asked)
+    assert code == 0 and "\nstiffness, other directions free:" in brief
+    assert "\ncompliance (" not in brief and "--all also shows: stiffness; compliance;" in brief
+    assert brief.startswith("stiffness, other directions free (analytic): x ")
+    whole = flexfem(*asked, "--all")[1]
+    assert "\ncompliance (" in whole and "--all" not in whole
+    table = [line for line in brief.splitlines() if "   " in line]
+    assert max(map(len, table)) <= 80
+
+
+def test_the_catalogue_lists_stacks_materials_and_shapes_with_their_keys(flexfem):
+    found = machine(flexfem, "catalogue")
+    stacks = {stack["name"]: stack for stack in found["stacks"]}
+    assert (stacks["AE0505D16"]["stroke_um"], stacks["AE0505D16"]["blocking_force_n"]) == (
+        17.4,
+        935,
+    )
+    materials = {each["name"]: each for each in found["materials"]}
+    assert materials["al-2024-t4"]["fatigue_strength_exponent"] == -0.102
+    assert materials["al-7075-t6"]["fatigue_strength_coefficient_mpa"] is None
+    shapes = {each["shape"]: each["keys"] for each in found["hinge_shapes"]}
+    assert shapes["circular"] == "neck_mm, radius_mm" and set(shapes) == set(SHAPES)
+    assert set(found["sources"]) == {*stacks, *materials}
+    tables = [line for line in flexfem("catalogue")[1].splitlines() if "   " in line]
+    assert max(map(len, tables)) <= 80
 
 
 @pytest.mark.parametrize(

@@ -282,3 +282,29 @@ def test_a_wide_frame_has_a_row_for_each_model_and_units_in_its_columns():
     by_model = stiffness.to_frame("free", "held")
     assert by_model.index.tolist() == ["analytic"]
     assert by_model.loc["analytic", "free theta (N mm/rad)"] == stiffness.at("free")[0, 2]
+
+
+class Detailed(Result):
+    """A result with a detail and two motions."""
+
+    kind_name = "detailed_for_a_test"
+    main = ("motion", {})
+    motion = Quantity("motion", "motion", ("case", "direction"))
+    limit = Quantity("limit", "", ("case", "limit", "direction"), note="1 where it governs")
+    matrix = Quantity("matrix", "", ("case",), detail=True, note="of the detail")
+
+
+def test_brief_tables_leave_out_details_and_state_units_in_headings():
+    values = {
+        "motion": [[1e-3, 2.0, 0.0], [1e-6, 4.0, 0.0]],
+        "limit": [[[1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]] * 2,
+        "matrix": [7.0, 8.0],
+    }
+    axes = {"case": ("a", "b"), "limit": ("yield", "stroke")}
+    found = Detailed(About("part"), values, axes=axes)
+    motion, limit = found.tables(brief=True)
+    assert motion.head == ["case", "x (um)", "y (mm)", "theta"]
+    assert motion.rows == [["a", "1", "2", "0"], ["b", "0.001", "4", "0"]]
+    assert limit.rows[0] == ["a", "yield", "stroke", "stroke"]
+    assert found.left_out() == ["matrix"] and found.sentences(brief=True) == []
+    assert len(found.tables()) == 3 and "matrix: of the detail" in found.sentences()

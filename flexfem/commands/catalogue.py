@@ -21,6 +21,7 @@ START = {
     "check": Listed("check", "Validate a file; show its parts and the sources of its numbers."),
     "view": Listed("view", "Draw a stage, a mechanism or what is recognised in a drawing."),
     "live": Listed("serve", "Serve a page that answers while numbers are changed."),
+    "catalogue": Listed("catalogue", "List stacks, materials and shapes of hinges by name."),
     "summary": Listed("summary", "Stiffness, range and force at yield, and range of the drive."),
 }
 STIFFNESS = {

@@ -33,7 +33,7 @@ from flexfem.commands.catalogue import (
     RENAMED_OPTIONS,
     STUDY,
 )
-from flexfem.commands.console import Json, OutputFolder, OutputOfResult, show
+from flexfem.commands.console import All, Json, OutputFolder, OutputOfResult, show
 from flexfem.commands.options import description, made_parameter, options_of
 from flexfem.commands.written import write
 from flexfem.files.inputs import noted
@@ -184,6 +184,7 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     options = [*options_of(function), made_parameter("json", Json, False)]
     if returns_results(function):  # other functions have an output of their own
         options.append(made_parameter("output", OutputOfResult, None))
+        options.append(made_parameter("whole", All, False))
 
     def run(**given: Any) -> None:
         from flexfem.results import Result
@@ -194,7 +195,7 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
             return
         if isinstance(found, Result) and given["output"] is not None:
             write(found, given["output"], answer.stem)
-        show(found, given["json"])
+        show(found, given["json"], given.get("whole", False))
         if getattr(found, "findings", None) or getattr(found, "failed", False):
             raise typer.Exit(1)  # of a check, of a study
 

@@ -38,6 +38,7 @@ LONGEST = 30  # characters of the name of a row in a table that is too wide
 
 OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for the written files.")
 OutputFolder = Annotated[Path | None, OUTPUT]
+All = Annotated[bool, typer.Option("--all", help="Print matrices and other details, too.")]
 NAMES = "File to write, .csv, .json, .html, .png, .pdf or .vtu; or a folder for all files."
 OutputOfResult = Annotated[
     Path | None, typer.Option("--output", "-o", callback=check_output, help=NAMES)
@@ -72,16 +73,16 @@ def _fields_and_properties(record: Any) -> dict[str, Any]:
     return {**record._asdict(), **{name: getattr(record, name) for name in properties}}
 
 
-def show(found: Any, as_json: bool) -> None:
-    """Print the result of a command as JSON, or as tables and lines."""
+def show(found: Any, as_json: bool, whole: bool = False) -> None:
+    """Print the result of a command as JSON, or as tables and lines; `whole` with all details."""
     if as_json:
         print(json.dumps(plain(found), indent=1, allow_nan=False))
         return
     for result in found if isinstance(found, list) else [found]:
-        _print(result)
+        _print(result, whole)
 
 
-def _print(found: Any) -> None:
+def _print(found: Any, whole: bool) -> None:
     """Print a result, a named tuple or a text, then its warnings and the counts of assumptions."""
     from flexfem.files.provenance import assumptions_said
 
@@ -91,7 +92,7 @@ def _print(found: Any) -> None:
     first = [text for text in warnings if key and text.startswith(key)]
     for text in first:
         out.print(f"warning: {text}")
-    _print_content(out, found)
+    _print_content(out, found, whole)
     for text in warnings:
         if text not in first:
             out.print(f"warning: {text}")
@@ -112,11 +113,13 @@ def _console() -> Console:
     return Console(soft_wrap=not terminal, width=width, **plain_look)
 
 
-def _print_content(out: Console, found: Any) -> None:
+def _print_content(out: Console, found: Any, whole: bool) -> None:
     """Print the tables and sentences of a result, the parts of a named tuple, or a text."""
     from flexfem.results import record_parts
 
-    if hasattr(found, "tables"):
+    if hasattr(found, "left_out"):
+        _print_result(out, found, whole)
+    elif hasattr(found, "tables"):
         answer = getattr(found, "answer", str)()
         if answer:
             out.print(answer)
@@ -131,6 +134,20 @@ def _print_content(out: Console, found: Any) -> None:
         print_tables(out, tables, out.width)
     else:
         out.print(str(found))
+
+
+def _print_result(out: Console, found: Any, whole: bool) -> None:
+    """Print the answer of a question, its tables and explanations, and what `--all` adds."""
+    answer = found.answer()
+    if answer:
+        out.print(answer)
+    out.print(found.heading())
+    print_tables(out, found.tables(brief=not whole), out.width)
+    for text in found.sentences(brief=not whole):
+        out.print(text)
+    more = [] if whole else found.left_out()
+    if more:
+        out.print(f"--all also shows: {'; '.join(more)}")
 
 
 Columns: TypeAlias = list[list[str]]  # each with its heading first

@@ -57,6 +57,7 @@ class Drive(Result):
         ("actuator", "other", "model"),
         ON_MESHES,
         "all",
+        detail=True,
     )
     cross = Quantity(
         "cross motion of the output over its main translation",
@@ -74,7 +75,12 @@ class Drive(Result):
     )
     force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), ON_MESHES)
     stress = Quantity(
-        "highest hinge stress at full stroke", "mpa", ("actuator", "model", "hinge"), PEAK, "all"
+        "highest hinge stress at full stroke",
+        "mpa",
+        ("actuator", "model", "hinge"),
+        PEAK,
+        "all",
+        detail=True,
     )
     engaged = Quantity(
         "stiffness of the output with all actuators, other directions held",
@@ -82,6 +88,7 @@ class Drive(Result):
         ("model", "direction"),
         ON_MESHES._replace(relative=1e-3),
         compared=False,  # it has that of bodies at small contacts
+        detail=True,
     )
     engaged_free = Quantity(
         "stiffness of the output with all actuators, other directions free",

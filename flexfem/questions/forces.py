@@ -50,7 +50,7 @@ class Forces(Result):
         "strain: largest magnitude of a principal strain in the plane, where stress is stated; "
         "the place is that of the strain",
     )
-    load = Quantity("stated loads", "wrench", ("point", "direction"))
+    load = Quantity("stated loads", "wrench", ("point", "direction"), detail=True)
     force = Quantity(
         "force and moment through",
         ("n", "n", "n_mm"),

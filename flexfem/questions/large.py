@@ -48,7 +48,9 @@ class Large(Result):
         "with finite rotations and elastic bodies",
         "the rotation is that of the rigid motion nearest to the motion of the contact",
     )
-    force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
+    force = Quantity(
+        "load on the output", "wrench", ("load", "direction"), SOLVED, "wrench", detail=True
+    )
     driving = Quantity(
         "force that drives the output",
         "wrench",

@@ -84,8 +84,10 @@ class Stiffness(Result):
     drawn_from_fields = True
     labels: ClassVar = {**RANGE_LABELS, **LIFTED_LABELS}
     columns = ("direction", "out of plane")
-    stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, ON_MESHES, "matrix")
-    compliance = Quantity("compliance", "compliance matrix", MATRIX, ON_MESHES, "matrix")
+    stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, ON_MESHES, "matrix", detail=True)
+    compliance = Quantity(
+        "compliance", "compliance matrix", MATRIX, ON_MESHES, "matrix", detail=True
+    )
     # not compared: the error of the analytic models is that with the others free
     held = Quantity(
         "stiffness, other directions held",
@@ -112,6 +114,7 @@ class Stiffness(Result):
         ("others", "sense", "hinge", "direction"),
         PEAK,
         "all",
+        detail=True,
     )
     stress = Quantity(
         "highest hinge stress per displacement, other directions held",
@@ -119,6 +122,7 @@ class Stiffness(Result):
         (*HINGES, "direction"),
         PEAK,
         "all",
+        detail=True,
     )
     yield_range = Quantity(
         "displacement at first yield, other directions held, linear",
@@ -126,15 +130,21 @@ class Stiffness(Result):
         ("model", "direction"),
         PEAK,
         note="by linear theory, without stretching of hinges and buckling",
+        detail=True,
     )
     free_yield_range = Quantity(
         "displacement at which the first hinge yields, other directions free, linear",
         "motion",
         ("model", "direction"),
         PEAK,
+        detail=True,
     )
     yield_force = Quantity(
-        "force along the displacement at yield, linear", "wrench", ("model", "direction"), PEAK
+        "force along the displacement at yield, linear",
+        "wrench",
+        ("model", "direction"),
+        PEAK,
+        detail=True,
     )
     buckling_load = Quantity(
         "load at which hinges buckle, by the analytic model",
@@ -142,9 +152,14 @@ class Stiffness(Result):
         ("others", "sense", "direction"),
         SOLVED,
         note="by the tangent stiffness at rest, for a load on the output along one direction",
+        detail=True,
     )
     input_stiffness = Quantity(
-        "stiffness at the actuator, output free", "n_per_um", ("actuator", "model"), ON_MESHES
+        "stiffness at the actuator, output free",
+        "n_per_um",
+        ("actuator", "model"),
+        ON_MESHES,
+        detail=True,
     )
     lifted_held = Quantity(
         "stiffness out of the plane, its other directions held",
@@ -169,6 +184,7 @@ class Stiffness(Result):
         ("actuator", "model", "direction"),
         ON_MESHES,
         "all",
+        detail=True,
     )
     force = Quantity("load on the output", "wrench", ("model", "direction"), ON_MESHES, "wrench")
     pose = Quantity(
@@ -191,6 +207,7 @@ class Stiffness(Result):
             "not within three radii of the contact of the output, of an actuator or of a loaded "
             "point"
         ),
+        detail=True,
     )
     free_body_rate = Quantity(
         "highest stress of bodies per displacement, other directions free",

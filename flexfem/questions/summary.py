@@ -48,14 +48,15 @@ class Summary(Result):
     range = RANGE
     range_force = RANGE_FORCE
     range_limit = RANGE_LIMIT
-    yield_range = Quantity("range at yield, linear, ±", "motion", BY_DIRECTION, PEAK)
-    yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, PEAK)
+    yield_range = Quantity("range at yield, linear, ±", "motion", BY_DIRECTION, PEAK, detail=True)
+    yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, PEAK, detail=True)
     stress = Quantity(
         "hinge stress per displacement",
         "stress per motion",
         (*BY_DIRECTION, "hinge"),
         PEAK,
         "all",
+        detail=True,
     )
     held_low = Quantity(
         "drive min, others held", "motion", ("direction",), SOLVED, "pose", beside="held_high"
@@ -70,7 +71,12 @@ class Summary(Result):
         "drive max, others free", "motion", ("direction",), SOLVED, "pose", beside="free_low"
     )
     amplification = Quantity(
-        "output motion per actuator opening", ("", "", "rad_per_mm"), BY_DIRECTION, ON_MESHES, "all"
+        "output motion per actuator opening",
+        ("", "", "rad_per_mm"),
+        BY_DIRECTION,
+        ON_MESHES,
+        "all",
+        detail=True,
     )
     frequency = Quantity("first natural frequency in the plane", "hz", ("model",), ON_MESHES)
     first_out_of_plane = Quantity(
@@ -78,7 +84,7 @@ class Summary(Result):
     )
     lifted_free = LIFTED_FREE
     input_stiffness = Quantity(
-        "stiffness at the actuator, output free", "n_per_um", ("model",), ON_MESHES
+        "stiffness at the actuator, output free", "n_per_um", ("model",), ON_MESHES, detail=True
     )
 
 

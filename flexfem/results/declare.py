@@ -90,6 +90,8 @@ class Quantity:
         them again.
     compared : bool
         Whether tables state the difference of the first model from the last.
+    detail : bool
+        Whether a terminal shows it with `--all` only.
     """
 
     meaning: str
@@ -102,6 +104,7 @@ class Quantity:
     note: str = ""
     repeated: bool = False
     compared: bool = True
+    detail: bool = False
     name: str = field(default="", init=False)
 
     def __set_name__(self, owner: type, name: str) -> None:

@@ -50,12 +50,15 @@ class TableGroup(NamedTuple):
 class Tables:
     """Tables of a result; with `plain`, units are in ASCII and places below a value, for terminals.
 
+    With `brief` they leave out details, and lengths and angles in a column share a unit.
+
     Differences of the first model from the last follow the rows of the last model.
     """
 
-    def __init__(self, result: Declared, plain: bool) -> None:
+    def __init__(self, result: Declared, plain: bool, brief: bool = False) -> None:
         self.result = result
         self.plain = plain
+        self.brief = brief
 
     def tables(self) -> list[TextTable]:
         """Return a table for each quantity with axes as rows and columns; others share tables."""
@@ -67,6 +70,8 @@ class Tables:
             if not quantity.shown or name not in self.result.values:
                 continue
             if np.all(np.isnan(self.result.values[name])):
+                continue
+            if self.brief and quantity.detail:
                 continue
             aside = (*self.result.columns, *quantity.largest)
             rows = tuple(axis for axis in quantity.over if axis not in aside)
@@ -89,10 +94,14 @@ class Tables:
     def _table_of_quantities(self, group: TableGroup) -> TextTable:
         """Return a table with a row for each quantity."""
         rows = list[list[str]]()
+        first = group.quantities[0]
+        is_headed = self.brief and bool(group.spread) and _have_equal_units(group.quantities)
         for one in group.quantities:
-            (cells,) = self._rows(group._replace(quantities=[one]), with_unit=True) or [[]]
+            (cells,) = self._rows(group._replace(quantities=[one]), with_unit=not is_headed) or [[]]
             rows.append([one.meaning, *cells])
-        labels = self.result.axes[group.spread] if group.spread else [""]
+        labels = list(self.result.axes[group.spread]) if group.spread else [""]
+        if is_headed:
+            labels = [self._headed(label, first, k) for k, label in enumerate(labels)]
         return TextTable(["", *labels], rows, 1)
 
     def _table_by_model(self, group: TableGroup) -> TextTable:
@@ -125,13 +134,31 @@ class Tables:
         spread = self._spread(quantity)
         place = tuple(column if axis == spread else 0 for axis in quantity.over)
         unit = quantity.unit_at(place).label(self.plain)
+        if self._shares_units(quantity):
+            unit = self._shared_unit(quantity, column).label(self.plain)
         return f"{text} ({unit})" if unit and not self._has_units_in_cells(quantity) else text
 
     def _has_units_in_cells(self, quantity: Quantity) -> bool:
         """Whether numbers have prefixes of their own, or units differ by row."""
         differs = isinstance(quantity.unit, tuple) and "direction" in quantity.over
         is_by_row = self._spread(quantity) not in ("direction", "component")
-        return quantity.prefixed or (differs and is_by_row)
+        is_prefixed = quantity.prefixed and not self._shares_units(quantity)
+        return is_prefixed or (differs and is_by_row)
+
+    def _shares_units(self, quantity: Quantity) -> bool:
+        """Whether all numbers of a column have one unit with a prefix, which its heading states."""
+        return self.brief and quantity.prefixed and self._spread(quantity) == "direction"
+
+    def _shared_unit(self, quantity: Quantity, column: int) -> Unit:
+        """Return the unit with a prefix of the largest number in the column of a direction."""
+        axis = quantity.over.index("direction")
+        values = self.result.internal.values[quantity.name]
+        sizes = self.result.internal_sizes(quantity.name)
+        shown = np.where(np.abs(values) > FLOOR * sizes, np.abs(values), 0.0)
+        shown[~np.isfinite(values)] = 0.0
+        largest = np.max(np.take(shown, column, axis), initial=0.0)
+        place = tuple(column if each == "direction" else 0 for each in quantity.over)
+        return _prefixed_unit(quantity.unit_at(place), float(largest), np.nan)
 
     def _rows(self, group: TableGroup, with_unit: bool = False) -> list[list[str]]:
         """Return rows of quantities with the same axes, without empty ones."""
@@ -185,7 +212,9 @@ class Tables:
         """Return the text of a value with its band; of a largest value with its place."""
         value, band = self._rounded(quantity, at)
         unit = quantity.unit_at(at)
-        if quantity.prefixed:
+        if quantity.prefixed and not with_unit and self._shares_units(quantity):
+            unit = self._shared_unit(quantity, at[quantity.over.index("direction")])
+        elif quantity.prefixed:
             unit = _prefixed_unit(unit, value, band)
         text = number(value * unit.factor, band * unit.factor)
         if unit.name == "%" and abs(value) + np.nan_to_num(band) < SMALLEST_PERCENTAGE:
@@ -197,6 +226,8 @@ class Tables:
         index = dict(zip(quantity.over, at, strict=True))
         axes = reversed(quantity.largest)
         where = ", ".join(self.result.axes[axis][index[axis]] for axis in axes)
+        if self.brief and quantity.largest == ("limit",):
+            return where  # its number is always 1
         return f"{text}\n{where}" if self.plain else f"{text} ({where})"
 
     def _rounded(self, quantity: Quantity, at: Place) -> tuple[float, float]:
@@ -268,6 +299,12 @@ class Tables:
         return found
 
 
+def _have_equal_units(quantities: Sequence[Quantity]) -> bool:
+    """Whether quantities have the same units without prefixes, which a heading may state."""
+    units = {one.unit for one in quantities}
+    return len(units) == 1 and not quantities[0].prefixed and bool(quantities[0].unit)
+
+
 def _changed_names(labels: Sequence[str], last: Sequence[str]) -> list[str]:
     """Return labels of a row, "" where they and those before them are as in the last row."""
     return [label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)]
@@ -290,11 +327,11 @@ def heading(result: Declared) -> str:
     return f"{result.about.name}: {'; '.join(texts)}"
 
 
-def sentences(result: Declared) -> list[str]:
-    """Return the explanations below the tables."""
+def sentences(result: Declared, brief: bool = False) -> list[str]:
+    """Return the explanations below the tables; with `brief` those of details are left out."""
     found = list(result.reading)
     for name, one in result.quantities.items():
-        if one.note and name in result.values:
+        if one.note and name in result.values and not (brief and _needs_no_note(one)):
             found.append(f"{one.meaning}: {one.note}")
     found += result.notes
     if any(np.any(np.isfinite(band)) for band in result.bands.values()):
@@ -303,6 +340,20 @@ def sentences(result: Declared) -> list[str]:
             source += " and the thickness"
         found.append(f"±: half-width of the numerical uncertainty, {source}")
     return found
+
+
+def _needs_no_note(one: Quantity) -> bool:
+    """Whether brief tables leave a quantity out, or show words in place of its numbers."""
+    return one.detail or one.largest == ("limit",)
+
+
+def left_out(result: Declared) -> list[str]:
+    """Return the meanings of the details that a result contains."""
+    return [
+        one.meaning
+        for name, one in result.quantities.items()
+        if one.detail and one.shown and not np.all(np.isnan(result.values.get(name, np.nan)))
+    ]
 
 
 def markdown(result: Declared) -> str:

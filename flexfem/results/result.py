@@ -19,6 +19,7 @@ from flexfem.results.render import (
     declaration_table,
     heading,
     html,
+    left_out,
     markdown,
     sentences,
 )
@@ -134,12 +135,13 @@ class Result(Declared):
         """Return the declaration as a table for the documentation."""
         return declaration_table(cls)
 
-    def tables(self, plain: bool = True) -> list[TextTable]:
+    def tables(self, plain: bool = True, brief: bool = False) -> list[TextTable]:
         """Return the tables: one for each quantity with axes as rows and columns; others share one.
 
         plain : write units in ASCII, for terminals.
+        brief : leave out details, and state the units of lengths and angles in headings.
         """
-        return Tables(self, plain).tables()
+        return Tables(self, plain, brief).tables()
 
     def texts(self, quantity: str, **labels: str) -> list[str]:
         """Return cells of a table: values at labels of some axes, each with band and unit."""
@@ -156,9 +158,13 @@ class Result(Declared):
         """Return the subject and the settings in one line."""
         return heading(self)
 
-    def sentences(self) -> list[str]:
-        """Return the explanations below the tables."""
-        return sentences(self)
+    def sentences(self, brief: bool = False) -> list[str]:
+        """Return the explanations below the tables, with `brief` without those of details."""
+        return sentences(self, brief)
+
+    def left_out(self) -> list[str]:
+        """Return the meanings of the quantities that brief tables leave out."""
+        return left_out(self)
 
     def to_markdown(self) -> str:
         """Return all tables in Markdown."""
