@@ -15,7 +15,10 @@ CAPTION = (
     "Motion, forces and stress by the analytic model with rigid bodies, linear; the other "
     "directions are free."
 )
-ENDS = " The motion ends where the range at finite displacement ends."
+ENDS = (
+    " The motion ends where the range of the key results ends, at finite displacement; the linear "
+    "stress there can differ from the yield strength."
+)
 
 
 def handled_drawing(mechanism: Mechanism, at_rest: Stiffness | None = None) -> Markup:

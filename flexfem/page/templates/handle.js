@@ -75,7 +75,7 @@ class Handle {
   // end the motion within a known range, where it may exceed the yield strength by little
   within(loads) {
     let most = this.use(loads) / this.allowed;
-    this.limit = "a hinge yields, by linear theory";
+    this.limit = this.data.range.length ? "yield of a hinge" : "a hinge yields, by linear theory";
     this.ends().forEach((ends, k) => {
       const below = loads[k] < 0;
       const share = loads[k] / ends[below ? 0 : 1][k];
@@ -323,8 +323,10 @@ class Handle {
     event.preventDefault();
     this.stop();
     const size = Math.max(this.data.box[2], this.data.box[3]);
+    const before = this.target;
     this.target = (this.target || [0, 0]).map((value, k) => value + (step[k] * 0.01 * size) / this.factor);
     this.loads = this.within(this.pulled(this.target));
+    if (this.limited && before) this.target = before; // so that the opposite key leaves the end at once
     this.show();
   }
 
