@@ -93,25 +93,29 @@ class Checked(NamedTuple):
     findings: list[str]
 
 
-def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
+def regression(
+    *files: Path, baselines: Path | None = None, progress: Progress | None = None
+) -> Checked:
     """Compare present results with accepted baselines: changed inputs; numbers that moved, appeared
     or disappeared.
 
     Parameters
     ----------
-    *baselines : Path
-        Baselines, or folders of baselines.
+    *files : Path
+        Baselines, folders of baselines, or the input files of baselines.
+    baselines : Path, optional
+        Folder of the baselines of input files; by default `baselines` beside each file.
     progress : callable, optional
         Called with the name of every baseline.
 
     Raises
     ------
     BadInput
-        A folder has no baselines, or a file is not a baseline.
+        A folder has no baselines, or a file has or is none.
     """
     checked = list[str]()
     findings = list[str]()
-    for place in map(checked_path, baselines):
+    for place in [_baseline_of(path, baselines) for path in map(checked_path, files)]:
         inside = sorted(place.glob("*.json")) if place.is_dir() else [place]
         if not inside:
             raise BadInput(f"{place}: no baselines in this folder")
@@ -161,6 +165,14 @@ def baseline(
         made = _made(path, target, reason.strip())
         write_atomically(target, methodcaller("write", _text_of(made).encode()), again=True)
     return list(targets)
+
+
+def _baseline_of(path: Path, baselines: Path | None) -> Path:
+    """Return the baseline of an input file; a baseline or a folder of them itself."""
+    if path.suffix != ".toml":
+        return path
+    (target,) = _targets([path], baselines)
+    return target
 
 
 def _targets(files: Iterable[Path], baselines: Path | None) -> dict[Path, Path]:
@@ -247,8 +259,58 @@ def check(path: Path) -> list[str]:
         if was.get(place) != now.get(place)
     ]
     if changes:
-        return changes
+        return [*changes, *_after_changes(source, path, data["numbers"])]
     return [*_moved(path.stem, data["numbers"], dict(numbers_of(source, path.parent)))]
+
+
+def _after_changes(source: Path, path: Path, was: Mapping[str, Any]) -> list[str]:
+    """Return how far the numbers of each question moved after a change of the input.
+
+    Numbers on the stored mesh are left out: the mesh belongs to the input before.
+    """
+    found = list[str]()
+    try:
+        for question, now in numbers_of(source, path.parent, on_stored_meshes=False):
+            old = was.get(question, {})
+            moves = [_move(key, old[key], now[key]) for key in now if key in old]
+            moved = [move for move in moves if move is not None]
+            found.append(_said_of_moves(f"{path.stem}: {question}", moved, len(moves)))
+    except (BadInput, ComputationFailed) as error:
+        found.append(f"{path.stem}: no further numbers after this change: {error}")
+    return found
+
+
+class _Move(NamedTuple):
+    """A number that moved beyond its gate: both values, and the change relative to the first."""
+
+    key: str
+    was: float
+    value: float
+    unit: str
+    relative: float
+
+
+def _move(key: str, stored: Sequence[Any], number: Number) -> _Move | None:
+    """Return how a number moved, None within its gate."""
+    was = float(stored[0]) * number.unit.factor
+    change = number.value - was
+    if math.isclose(number.value, was, rel_tol=0.0, abs_tol=number.accepted):
+        return None
+    relative = change / abs(was) if abs(was) > number.accepted else math.copysign(math.inf, change)
+    return _Move(key, was, number.value, _unit_after(number), relative)
+
+
+def _said_of_moves(name: str, moved: Sequence[_Move], count: int) -> str:
+    """Return one line on the numbers of a question, with the one that moved most."""
+    if not moved:
+        return f"{name}: none of {count} numbers moved"
+    finite = [move for move in moved if math.isfinite(move.relative)]
+    most = max(finite or moved, key=lambda move: abs(move.relative))
+    share = f" ({100 * most.relative:+.3g} %)" if math.isfinite(most.relative) else ""
+    return (
+        f"{name}: {len(moved)} of {count} numbers moved, most {most.key} from {most.was:.6g} to "
+        f"{most.value:.6g}{most.unit}{share}"
+    )
 
 
 def _flat(inputs: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], Any]:
@@ -361,7 +423,9 @@ def _values_of(path: Path) -> dict[str, Any]:
 # numbers
 
 
-def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
+def numbers_of(
+    path: Path, folder: Path, on_stored_meshes: bool = True
+) -> Iterator[tuple[str, Numbers]]:
     """Yield the numbers of an input file by question; `folder` holds meshes. Raises BadInput,
     ComputationFailed.
     """
@@ -371,13 +435,16 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
     elif kind in CASES:
         cases = import_module(CASES[kind])
         yield "errors", _compared(cases.case_result(path))
-        for label, mechanism, file in cases.case_stages(path):
+        stages = cases.case_stages(path) if on_stored_meshes else ()
+        for label, mechanism, file in stages:
             yield f"mesh of {label}", kept(mechanism, file, folder)
     else:
-        yield from _of_mechanism(path, folder)
+        yield from _of_mechanism(path, folder, on_stored_meshes)
 
 
-def _of_mechanism(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
+def _of_mechanism(
+    path: Path, folder: Path, on_stored_meshes: bool
+) -> Iterator[tuple[str, Numbers]]:
     """Yield the numbers of a mechanism by question, then those on its stored mesh."""
     mechanism = load(path)
     own = mechanism.answering("accepted_questions")
@@ -385,7 +452,8 @@ def _of_mechanism(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
     for name, question in questions.items():
         with suppress(BadInput):  # the question does not apply to the mechanism
             yield name, _compared(question(mechanism))
-    yield "mesh", kept(mechanism, path, folder)
+    if on_stored_meshes:
+        yield "mesh", kept(mechanism, path, folder)
 
 
 def _compared(found: Result) -> Numbers:

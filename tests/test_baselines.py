@@ -90,10 +90,14 @@ def test_what_moved_came_or_went_is_named(accepted, change, said):
     assert line.startswith("mobility6: paper.") and all(each in line for each in said)
 
 
-def test_a_changed_input_is_named_key_by_key_and_no_number_is_compared(accepted, project):
-    _, made = accepted
+def test_a_changed_input_is_named_key_by_key_with_how_far_the_numbers_moved(accepted, project):
+    path, made = accepted
+    before = sorted(made.parent.iterdir())
     project.edit("geometry/mobility6.toml", ("thickness_mm = 10.0", "thickness_mm = 11.0"))
-    (said,) = check(made)
+    said, moved = check(made)
+    assert moved.startswith("mobility6: paper: ") and "numbers moved, most " in moved
+    assert " %)" in moved and sorted(made.parent.iterdir()) == before
+    assert regression(path, baselines=made.parent).findings == [said, moved]
     assert "thickness_mm was 10.0, is 11.0" in said and "the input changed" in said
     found = inputs_of(project.path("cases/fig5.toml"))
     assert (
