@@ -202,7 +202,7 @@ class ImportedPlate(NamedTuple):
 
     @property
     def slender(self) -> list[Any]:
-        """Polygons of thin parts that are no hinges, without those of the ground, which is rigid."""
+        """Polygons of thin parts that are no hinges, without those of the rigid ground."""
         ground = [body_shape(self.found.bodies[k]) for k in self.roles.fixed]
         dots = [polygon.representative_point() for polygon in self.found.slender]
         inside = [any(body.contains(dot) for body in ground) for dot in dots]

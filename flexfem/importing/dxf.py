@@ -28,7 +28,9 @@ from flexfem.refused import BadInput, line_of, text_of
 
 MOST_ENTITIES = 100_000  # also those that blocks repeat, and vertices
 DEEPEST = 32  # blocks in blocks
+CONTROL_POINT = 16  # flag of a vertex
 HIGHEST_DEGREE = 25  # of a spline
+FULL_TURN = 2 * math.pi
 BINARY = b"AutoCAD Binary DXF\r\n\x1a\x00"
 ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?\n[ \t]*(?:[A-Z_]|3D)", re.MULTILINE)
 END = re.compile(rb"(^|\n)[ \t]*0[ \t]*\r?\n[ \t]*EOF\s*\x00*\s*$|\x00+EOF\x00+\s*$")
@@ -81,7 +83,8 @@ def read_dxf(data: bytes, path: Path, unit: DrawingUnit | None) -> Contents:
     Dimensions, texts, hatches, hidden and centre lines and layers that are off are left out and
     counted.
 
-    Raises BadInput for a file that is no complete DXF file, has too many entities or takes too long.
+    Raises BadInput for a file that is no complete DXF file, has too many entities or takes too
+    long.
     """
     start = started()
     document, notes = _document(data)
@@ -125,10 +128,10 @@ def _document(data: bytes) -> tuple[Any, tuple[str, ...]]:
             document, audit = recover.read(io.BytesIO(data))
     except Exception as error:  # ezdxf raises many kinds for what is no DXF
         raise BadInput(f"not readable as DXF: {line_of(error)[:120]}") from None
+    if not len(audit.errors):
+        return document, ()
     wrong = len(audit.errors) + len(audit.fixes)
-    return document, (f"{wrong} faults of the DXF file were repaired.",) if len(
-        audit.errors
-    ) else ()
+    return document, (f"{wrong} faults of the DXF file were repaired.",)
 
 
 def _unit_of(document: Any) -> DrawingUnit | None:
@@ -171,18 +174,20 @@ class _Reader:
     def _place(self, entity: Any, around: _Place) -> _Place:
         """Return where an entity stands; on layer 0 of a block it takes the layer of the block."""
         layer = str(entity.dxf.get("layer", "0"))
-        layer = around.layer if layer == "0" and around.groups else layer
+        if layer == "0" and around.groups:
+            layer = around.layer
         linetype = str(entity.dxf.get("linetype", "BYLAYER"))
         if linetype.upper() == "BYBLOCK":
             linetype = around.linetype
         elif linetype.upper() == "BYLAYER":
-            known = self.document.layers.has_entry(layer)
-            linetype = (
-                str(self.document.layers.get(layer).dxf.get("linetype", "CONTINUOUS"))
-                if known
-                else "CONTINUOUS"
-            )
+            linetype = self._linetype_of(layer)
         return _Place(layer, linetype, around.groups)
+
+    def _linetype_of(self, layer: str) -> str:
+        """Return the line type of a layer."""
+        if not self.document.layers.has_entry(layer):
+            return "CONTINUOUS"
+        return str(self.document.layers.get(layer).dxf.get("linetype", "CONTINUOUS"))
 
     def _reason_to_leave(self, entity: Any, kind: str, at: _Place) -> str:
         """Return as what an entity is counted that is no edge of metal, "" for a curve."""
@@ -279,12 +284,11 @@ class _Reader:
         if radius == 0:
             return []
         first = 0.0
-        turn = 2 * math.pi
+        turn = FULL_TURN
         if kind == "ARC":
             first = math.radians(float(entity.dxf.start_angle))
-            turn = (math.radians(float(entity.dxf.end_angle)) - first) % (
-                2 * math.pi
-            ) or 2 * math.pi
+            last = math.radians(float(entity.dxf.end_angle))
+            turn = (last - first) % FULL_TURN or FULL_TURN
         if axis.z < 0:
             first = math.pi - first
             turn = -turn
@@ -307,16 +311,18 @@ class _Reader:
 
     def _old_polyline(self, entity: Any) -> list[Segment]:
         """Polyline of R12, of which the control points of a fitted curve are no corners."""
-        vertices = [vertex for vertex in entity.vertices if not vertex.dxf.get("flags", 0) & 16]
-        places = [(vertex.dxf.location, vertex.dxf.get("bulge", 0.0)) for vertex in vertices]
-        corners = [
-            (place[0], place[1], 0.0 if entity.is_3d_polyline else bulge) for place, bulge in places
-        ]
+        corners = list[tuple[float, float, float]]()
+        for vertex in entity.vertices:
+            if vertex.dxf.get("flags", 0) & CONTROL_POINT:
+                continue
+            place = vertex.dxf.location
+            bulge = 0.0 if entity.is_3d_polyline else vertex.dxf.get("bulge", 0.0)
+            corners.append((place[0], place[1], bulge))
         return self._polyline(entity, corners, bool(entity.is_closed))
 
     def _ellipse(self, entity: Any) -> Approximation:
         first = float(entity.dxf.start_param)
-        turn = (float(entity.dxf.end_param) - first) % (2 * math.pi) or 2 * math.pi
+        turn = (float(entity.dxf.end_param) - first) % FULL_TURN or FULL_TURN
         major = self._plane(entity.dxf.major_axis)
         minor = self._plane(entity.minor_axis)
         return ellipse(self._plane(entity.dxf.center), major, minor, first, turn)

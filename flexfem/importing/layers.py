@@ -7,14 +7,14 @@ from __future__ import annotations
 import re
 
 REMARKS = re.compile(
-    r"(?<![a-z])(dims?|dimension\w*|texts?|anno\w*|hidden|cent(er|re)([ _-]?(lines?|marks?))?|axis|axes|construction"
-    r"|hatch\w*|notes?|title\w*|defpoints|wire[ _-]?path|tool[ _-]?path|phantom|leaders?|viewports?)"
-    r"(?![a-z])",
+    r"(?<![a-z])(dims?|dimension\w*|texts?|anno\w*|hidden|cent(er|re)([ _-]?(lines?|marks?))?"
+    r"|axis|axes|construction|hatch\w*|notes?|title\w*|defpoints|wire[ _-]?path|tool[ _-]?path"
+    r"|phantom|leaders?|viewports?)(?![a-z])",
     re.IGNORECASE,
 )
 MARKS = re.compile(
-    r"(?<![a-z])(ground\w*|clamp\w*|fixed|fix|fixtures?|frame|anchor\w*|output\w*|stage|platform|end[ _-]?effector"
-    r"|inputs?|actuators?|loads?|forces?)(?![a-z])",
+    r"(?<![a-z])(ground\w*|clamp\w*|fixed|fix|fixtures?|frame|anchor\w*|output\w*|stage"
+    r"|platform|end[ _-]?effector|inputs?|actuators?|loads?|forces?)(?![a-z])",
     re.IGNORECASE,
 )
 GROUND = re.compile(

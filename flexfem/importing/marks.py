@@ -92,7 +92,7 @@ def _connected(curves: list[DrawnCurve], tolerance: float) -> list[list[DrawnCur
 
 
 def _is_metal(group: Sequence[DrawnCurve], regions: Regions, tolerance: float) -> bool:
-    """Whether connected curves on layers of marks are edges of metal, by the rule of this module."""
+    """Whether connected curves on layers of marks are edges of metal, by the rule above."""
     if _meets_an_open_end(group, regions, tolerance):
         return True
     enclosed = regions_of(network_of(group, tolerance)).plates

@@ -147,10 +147,10 @@ def triangles_of(loops: Sequence[Sequence[Segment]]) -> Triangles:
 
 
 class _Sides(NamedTuple):
-    """The sides (t, 3) of triangles, each opposite to a corner, and what they have to do with the edge.
+    """The sides (t, 3) of triangles, each opposite to a corner.
 
-    start, end : points.   ahead, behind : whether a side follows the edge in its sense, or against
-    it.
+    start, end : points.
+    ahead, behind : whether a side follows the edge of the plate in its sense, or against it.
     """
 
     start: Index
@@ -245,8 +245,9 @@ def _chords(neighbours: Index, sides: _Sides, is_metal: AnyArray) -> tuple[Index
 def _inside(neighbours: Index, sides: _Sides) -> AnyArray:
     """Return which triangles (t,) are metal.
 
-    They are those to the left of the edge, and what they reach without crossing it. neighbours :
-    (t, 3).
+    They are those to the left of the edge, and what they reach without crossing it.
+
+    neighbours : (t, 3), indices of the triangles beside each one.
     """
     count = len(neighbours)
     on_edge = sides.ahead | sides.behind

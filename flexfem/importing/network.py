@@ -216,7 +216,7 @@ def _snapped(curves: Sequence[DrawnCurve]) -> CurveNetwork:
 
 
 def _merged(ends: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Return places in which ends (n,) at distances below `SNAP` are one, and their indices (n,)."""
+    """Return places at which ends (n,) nearer than `SNAP` are one, and the place (n,) of each."""
     fine = np.round(_columns(ends) / (SNAP / 4))
     _, first, index = np.unique(fine, axis=0, return_index=True, return_inverse=True)
     places = ends[first]

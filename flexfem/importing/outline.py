@@ -317,7 +317,7 @@ def _line(side: Side) -> tuple[complex, complex] | None:
 
 
 def _corner_of(point: complex, lines: Sequence[tuple[complex, complex] | None]) -> complex:
-    """Return the common point of two lines near a point, or the point itself moved to the one line."""
+    """Return the common point of two lines, or a point near them moved to the only line."""
     one, other = lines
     if one is not None and other is not None:
         crossing = _crossing(*one, *other)

@@ -38,6 +38,7 @@ SMALL = 5.0
 LARGE = 2000.0  # mm; a plate of another size is a unit error unless the caller states the unit
 SMALLEST = 1e-2
 LARGEST = 1e5  # mm; the same with a stated unit
+FARTHEST = 100 * LARGEST  # mm, from the origin
 NAMED = 6  # parts in a note
 
 
@@ -111,27 +112,30 @@ def _contents(file: Path, unit: DrawingUnit | None, part: int | str | None) -> C
         raise BadInput(
             f"{given}, expected a drawing whose name ends in one of {', '.join(FORMATS)}"
         )
-    try:
-        if not file.is_file():
-            raise BadInput(
-                "not a file, expected a drawing"
-                if file.exists()
-                else "no such file, expected a drawing"
-            )
-        if file.stat().st_size > LARGEST_FILE:
-            raise BadInput(f"{file.stat().st_size:,} bytes, expected at most {LARGEST_FILE:,}")
-        data = file.read_bytes()
-    except (OSError, ValueError) as error:
-        raise BadInput(
-            f"not readable ({getattr(error, 'strerror', None) or error}), expected a drawing"
-        ) from None
-    if not data.strip():
-        raise BadInput("an empty file, expected a drawing")
+    data = _bytes_of(file)
     if suffix == ".dxf":
         return read_dxf(data, file, unit)
     if suffix == ".svg":
         return read_svg(data, unit)
     return read_step(data, file, unit, part)
+
+
+def _bytes_of(file: Path) -> bytes:
+    """Return what a file holds. Raises BadInput for one that is missing, too large or empty."""
+    try:
+        if not file.exists():
+            raise BadInput("no such file, expected a drawing")
+        if not file.is_file():
+            raise BadInput("not a file, expected a drawing")
+        if file.stat().st_size > LARGEST_FILE:
+            raise BadInput(f"{file.stat().st_size:,} bytes, expected at most {LARGEST_FILE:,}")
+        data = file.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise BadInput(f"not readable ({reason}), expected a drawing") from None
+    if not data.strip():
+        raise BadInput("an empty file, expected a drawing")
+    return data
 
 
 def _drawing(file: Path, contents: Contents, wanted: _Wanted) -> Drawing:
@@ -163,15 +167,13 @@ def _check_curves(contents: Contents, wanted: _Wanted) -> None:
     segments = [segment for curve in contents.curves for segment in curve.segments]
     if len(segments) > MOST_SEGMENTS:
         raise BadInput(f"{len(segments):,} lines and arcs, expected at most {MOST_SEGMENTS:,}")
-    numbers = np.array(
-        [[each.start, each.end, each.centre or 0.0] for each in segments], dtype=complex
-    )
+    points = [[each.start, each.end, each.centre or 0.0] for each in segments]
+    numbers = np.array(points, dtype=complex)
     if not np.all(np.isfinite(numbers)):
         raise BadInput("coordinates that are not finite numbers, expected finite ones")
-    if np.max(np.abs(numbers[:, :2])) > 100 * LARGEST:
+    if np.max(np.abs(numbers[:, :2])) > FARTHEST:
         raise BadInput(
-            f"coordinates of {np.max(np.abs(numbers)):.3g} mm, expected at most {100 * LARGEST:g} "
-            "mm"
+            f"coordinates of {np.max(np.abs(numbers)):.3g} mm, expected at most {FARTHEST:g} mm"
         )
     low, high = _extent(segments)
     _check_size(max((high - low).real, (high - low).imag), 0.0, wanted)

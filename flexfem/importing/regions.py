@@ -131,7 +131,7 @@ def _crossings(network: CurveNetwork) -> AnyArray:
 
 
 def _common_points(shapes: Shapes, one: AnyArray, other: AnyArray) -> tuple[AnyArray, AnyArray]:
-    """Two common points (n,) of lines and circles of pairs of segments, nan where there are none."""
+    """Two common points (n,) of the lines and circles of pairs of segments, nan for none."""
     lines_second = shapes.curved[one] & ~shapes.curved[other]
     first = np.where(lines_second, other, one)
     second = np.where(lines_second, one, other)

@@ -342,7 +342,7 @@ def corners_of(profile: Profile) -> tuple[complex, complex, complex, complex]:
 
 
 def _deviation(strip: Strip, profile: Profile, centre: complex) -> float:
-    """Return the largest distance, mm, of the drawn edges from those of a profile about a centre."""
+    """Return the largest distance, mm, of drawn edges from those of a profile about a centre."""
     left, right = edges_of(profile)
     of_left = distances(_drawn(strip.left) - centre, left)
     of_right = distances(_drawn(strip.right) - centre.conjugate(), right)
@@ -381,7 +381,7 @@ def _points_of(curve: Bezier | Ellipse) -> AnyArray:
 
 
 def _is_even(strip: Strip) -> bool:
-    """Return whether both edges of a strip end at the same positions and distances from its axis."""
+    """Return whether both edges of a strip end at the same places beside its axis."""
     corners = np.array([(edge[0].start, edge[-1].end) for edge in (strip.left, strip.right)])
     heights = corners.imag - corners.imag.mean(axis=1, keepdims=True)
     return bool(

@@ -175,7 +175,7 @@ def without_flanks(ways: Ways) -> Ways:
 
 
 def strip_of(ways: Ways, frame: Axis) -> Strip | None:
-    """Return both edges between the positions that both reach; None where nothing is between them."""
+    """Return both edges between the positions that both reach, None where these are one."""
     high = min(ways.right_ahead.reach, ways.left_ahead.reach)
     low = -min(ways.right_back.reach, ways.left_back.reach)
     if high - low <= CLOSE:

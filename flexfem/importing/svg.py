@@ -71,8 +71,8 @@ def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
     A group, an Inkscape layer or an element itself gives a curve the name of its layer. Texts,
     images, dashed lines and what is not painted are left out and counted.
 
-    Raises BadInput for a file that is not XML, declares entities, repeats too many elements or takes
-    too long.
+    Raises BadInput for a file that is not XML, declares entities, repeats too many elements or
+    takes too long.
     """
     start = started()
     if len(data) > LARGEST_FILE:

@@ -68,7 +68,7 @@ class PartNames(NamedTuple):
 
 
 class WrittenMechanism(NamedTuple):
-    """The text of a mechanism file, the names of the parts in it, and the hinges as it states them."""
+    """The text of a mechanism file, the names of its parts, and the hinges as it states them."""
 
     text: str
     names: PartNames
