@@ -212,7 +212,8 @@ class MechanismPage:
         description = f"Drawing to scale of {self.mechanism.name}"
         drawing = shown_figure("drawing", draw, description, table(tables[0]))
         listed = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
-        moved = handled_drawing(self.mechanism, self._at_rest())
+        bent = self.ask(large) if "large" in self.sections else None
+        moved = handled_drawing(self.mechanism, self._at_rest(), bent)
         html = (moved, self._opening(drawing), notes(checked.warnings), listed)
         return section(self.kind, f"The {self.kind}", *html)
 

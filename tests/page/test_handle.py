@@ -98,6 +98,26 @@ def test_a_hand_presses_the_actuator_and_plays_a_mode(written, browser):
 
 
 @pytest.mark.slow
+def test_a_slider_moves_the_output_along_the_curve_of_large_displacements(tmp_path, browser):
+    """The output of a parallelogram sinks by 3/5 x^2 / length: 3.0 µm at 0.5 mm."""
+    mechanism = flexfem.load(PARALLELOGRAM)
+    drawing = handled_drawing(mechanism, None, flexfem.large(mechanism, models="analytic"))
+    path = tmp_path / "page.html"
+    path.write_text(html_of([PageSection("s", "s", drawing)], **ABOUT))
+    browser.get(path.as_uri())
+    slider = browser.find_element("xpath", "//label[contains(., 'nonlinear curve')]/input")
+    end = "arguments[0].value = arguments[0].max; arguments[0].dispatchEvent(new Event('input'))"
+    browser.execute_script(end, slider)
+    said = browser.find_element("css selector", ".handled-text").text
+    x, y = re.search(r"by beams: output x ([\d.]+) mm, y (-[\d.]+) µm", said).groups()
+    assert float(x) == pytest.approx(0.5)
+    assert float(y) == pytest.approx(-1e3 * 0.6 * 0.5**2 / 50.0, rel=0.02)
+    output = browser.find_element("css selector", ".handled .output")
+    assert float(output.get_attribute("cx")) > 0.4
+    assert browser.get_log("browser") == []
+
+
+@pytest.mark.slow
 def test_on_paper_and_without_scripts_the_drawing_that_is_still_remains(written, browser):
     shown = "return getComputedStyle(document.querySelector('.by-hand')).display"
     still = "return getComputedStyle(document.querySelector('#drawing svg')).display"

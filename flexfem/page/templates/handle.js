@@ -172,6 +172,7 @@ class Handle {
       label.append(`press ${actuator.name} `, range);
       box.append(label);
     });
+    if (this.data.curve) box.append(this.curveSlider());
     this.data.modes.forEach((mode, k) => {
       const button = document.createElement("button");
       button.type = "button";
@@ -189,6 +190,16 @@ class Handle {
     this.text.setAttribute("aria-live", "polite");
     this.host.append(box, this.text);
     this.ranges = box.querySelectorAll("input");
+  }
+
+  curveSlider() {
+    const label = document.createElement("label");
+    this.curve = document.createElement("input");
+    const last = this.data.curve.pose.length - 1;
+    Object.assign(this.curve, { type: "range", min: 0, max: last, step: 1, value: 0 });
+    this.curve.addEventListener("input", () => this.follow(Number(this.curve.value)));
+    label.append("along the nonlinear curve ", this.curve);
+    return label;
   }
 
   color(share) { return `hsl(${Math.round(215 * (1 - Math.min(share, 1)))} 80% 45%)`; }
@@ -330,6 +341,20 @@ class Handle {
     this.show();
   }
 
+  follow(k) { // to a point of the curve, whose pose the output takes
+    this.stop();
+    this.curve.value = k;
+    const { theory, pose, force } = this.data.curve;
+    const C = this.data.compliance.slice(0, 3).map((row) => row.slice(0, 3));
+    this.loads = [...Handle.solve(C, pose[k]), ...this.strokes.map(() => 0)];
+    this.draw(this.twists(), this.data.hinges.map(() => 0));
+    const turn = Handle.number(1e3 * pose[k][2]);
+    this.text.textContent = `Large displacement by ${theory}: output x ${Handle.length(pose[k][0])}, y ${Handle.length(pose[k][1])}, `
+      + `theta ${turn} mrad; driven by x ${Handle.number(force[k][0])} N, y ${Handle.number(force[k][1])} N, `
+      + `theta ${Handle.number(force[k][2])} N mm. Other bodies are drawn as they move with this output by linear theory, `
+      + `without stress; ${this.factor > 1 ? `drawn ${Handle.number(this.factor)} times larger` : "drawn to scale"}.`;
+  }
+
   play(k) {
     this.stop();
     this.playing = k;
@@ -353,6 +378,7 @@ class Handle {
 
   stop() {
     this.playing = null;
+    if (this.curve) this.curve.value = 0;
     this.limited = false;
   }
 
