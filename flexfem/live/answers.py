@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import compress
+from operator import not_
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 
 from flexfem.mechanism.hinge_place import joint_polygon
-from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.layout import Layout, LinearActuator
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon
-from flexfem.questions.handling import quick_stiffness
+from flexfem.questions.handling import quick_stiffness, svg_path
 from flexfem.questions.modes import modes
 from flexfem.results import Progress, Result
 
@@ -86,31 +88,27 @@ def drawing_of(layout: Layout) -> PlateDrawing:
     """Return the drawing of a mechanism."""
     shapes = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
     hinges = [joint_polygon(joint) for joint in layout.joints]
-    left, low, right, high = shapely.total_bounds(np.array([*shapes, *hinges]))
-    margin = MARGIN * max(right - left, high - low)
-    box = [left - margin, low - margin, right - left + 2 * margin, high - low + 2 * margin]
-    bodies = list(zip(layout.bodies, shapes, strict=True))
+    is_fixed = [body.fixed for body in layout.bodies]
     output = layout.points[0][1].point
-    actuators = [
-        [near.point.real, near.point.imag, far.point.real, far.point.imag]
-        for near, far in (actuator.contacts for actuator in layout.actuators)
-    ]
     return PlateDrawing(
-        [round(float(value), DECIMALS) for value in box],
-        [_path(shape) for body, shape in bodies if not body.fixed],
-        [_path(shape) for body, shape in bodies if body.fixed],
-        [_path(hinge) for hinge in hinges],
-        [output.real, output.imag],
-        actuators,
+        box=_box_around([*shapes, *hinges]),
+        bodies=[svg_path(shape) for shape in compress(shapes, map(not_, is_fixed))],
+        ground=[svg_path(shape) for shape in compress(shapes, is_fixed)],
+        hinges=[svg_path(hinge) for hinge in hinges],
+        output=[output.real, output.imag],
+        actuators=[_line(actuator) for actuator in layout.actuators],
     )
 
 
-def _path(shape: Any) -> str:
-    """Return polygons as a path of SVG."""
-    parts = list[str]()
-    for polygon in shapely.get_parts(shape):
-        for ring in (polygon.exterior, *polygon.interiors):
-            points = shapely.get_coordinates(ring)[:-1]
-            text = " ".join(f"{x:.{DECIMALS}f},{y:.{DECIMALS}f}" for x, y in points)
-            parts.append(f"M{text}Z")
-    return "".join(parts)
+def _box_around(shapes: Sequence[Any]) -> list[float]:
+    """Return left, low, width and height of shapes with a margin, mm."""
+    left, low, right, high = shapely.total_bounds(np.array(shapes))
+    margin = MARGIN * max(right - left, high - low)
+    box = (left - margin, low - margin, right - left + 2 * margin, high - low + 2 * margin)
+    return [round(float(value), DECIMALS) for value in box]
+
+
+def _line(actuator: LinearActuator) -> list[float]:
+    """Return x and y of both contacts, mm."""
+    near, far = actuator.contacts
+    return [near.point.real, near.point.imag, far.point.real, far.point.imag]

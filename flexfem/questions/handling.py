@@ -6,6 +6,7 @@ the server that made them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -105,32 +106,56 @@ def handled(mechanism: Mechanism, at_rest: Stiffness | None = None) -> Handled |
     if not layout.joints or mechanism.answering("stiffness") is not None:
         return None
     moving = moving_bodies(layout)
-    kept = [*range(3), *layout.drive_ports]  # of the output and of the actuators
-    ports = [layout.ports[index] for index in kept]
-    of_bodies = [_port_of_body(body, row) for body in moving for row in range(3)]
-    found = respond(layout, ports=[*ports, *of_bodies])
-    k = len(ports)
-    shapes = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
-    left, low, right, high = shapely.total_bounds(np.array(shapes))
     number = {body: index for index, body in enumerate(moving)}
+    units = _unit_responses(layout, moving)
+    shapes = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
     output = layout.points[0][1]
-    wide = compliance_ratios(layout)[:, :, None] * found.wrenches[:, :, :k]
     return Handled(
-        box=_rounded(np.array([left, low, right - left, high - low])),
-        ground=[_path(shape) for index, shape in enumerate(shapes) if index not in number],
-        bodies=[_path(shapes[body]) for body in moving],
+        box=_box(shapes),
+        ground=[svg_path(shape) for index, shape in enumerate(shapes) if index not in number],
+        bodies=[svg_path(shapes[body]) for body in moving],
         hinges=[
             _hinge(layout, joint, number, wrenches)
-            for joint, wrenches in zip(layout.joints, wide, strict=True)
+            for joint, wrenches in zip(layout.joints, units.wrenches, strict=True)
         ],
         actuators=_actuators(layout, number),
         output=[output.point.real, output.point.imag],
         output_body=number[output.body],
-        compliance=_significant(found.compliance[:k, :k]),
-        twists=_significant(found.compliance[k:, :k].reshape(-1, 3, k)),
+        compliance=_significant(units.compliance),
+        twists=_significant(units.twists),
         modes=_modes(layout, len(moving)),
         range=[] if at_rest is None else _ranges(at_rest),
     )
+
+
+class _UnitResponses(NamedTuple):
+    """Responses to unit loads on k ports: x, y, theta of the output, then the actuators.
+
+    compliance : (k, k).   twists : (b, 3, k), of the bodies at the origin.
+    wrenches : (h, 3, k), of the hinges, by which their stress has the thickness of the plate.
+    """
+
+    compliance: Array
+    twists: Array
+    wrenches: Array
+
+
+def _unit_responses(layout: Layout, moving: Sequence[int]) -> _UnitResponses:
+    ports = [layout.ports[index] for index in (*range(3), *layout.drive_ports)]
+    of_bodies = [_port_of_body(body, row) for body in moving for row in range(3)]
+    found = respond(layout, ports=[*ports, *of_bodies])
+    k = len(ports)
+    return _UnitResponses(
+        found.compliance[:k, :k],
+        found.compliance[k:, :k].reshape(-1, 3, k),
+        compliance_ratios(layout)[:, :, None] * found.wrenches[:, :, :k],
+    )
+
+
+def _box(shapes: Sequence[Any]) -> list[float]:
+    """Return left, low, width and height of shapes, mm."""
+    left, low, right, high = shapely.total_bounds(np.array(shapes))
+    return _rounded(np.array([left, low, right - left, high - low]))
 
 
 def quick_stiffness(mechanism: Mechanism, **asked: Any) -> Stiffness:
@@ -244,7 +269,7 @@ def _ranges(at_rest: Stiffness) -> list[HandledRange]:
     return found if np.all(np.isfinite([each[:2] for each in found])) else []
 
 
-def _path(shape: Any) -> str:
+def svg_path(shape: Any) -> str:
     """Return polygons as a path of SVG, mm."""
     parts = list[str]()
     for polygon in shapely.get_parts(shape):

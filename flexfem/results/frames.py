@@ -9,6 +9,7 @@ import numpy as np
 
 from flexfem.results.declare import Declared
 from flexfem.results.render import FLOOR
+from flexfem.units import Unit
 
 ROWS = ("model", "case", "mode", "load", "position")  # axes whose labels are rows, where present
 
@@ -59,20 +60,28 @@ def _add_row(
 ) -> None:
     """Add the numbers of a quantity in one row to the columns."""
     quantity = result.quantities[name]
-    fixed = {axis: label for axis, label in row_labels.items() if axis in quantity.over}
-    others = [axis for axis in quantity.over if axis not in fixed]
-    index = {axis: result.axes[axis].index(label) for axis, label in fixed.items()}
-    bands = result.band(name)
-    values = np.where(
-        np.abs(result.values[name]) <= FLOOR * result.sizes(name), 0.0, result.values[name]
-    )
+    index = {
+        axis: result.axes[axis].index(label)
+        for axis, label in row_labels.items()
+        if axis in quantity.over
+    }
+    others = [axis for axis in quantity.over if axis not in index]
+    is_round_off = np.abs(result.values[name]) <= FLOOR * result.sizes(name)
+    numbers = {"": np.where(is_round_off, 0.0, result.values[name]), " band": result.band(name)}
     for at, labels in result.indices(others):
         index |= dict(zip(others, at, strict=True))
         place = tuple(index[axis] for axis in quantity.over)
-        unit = quantity.unit_at(place).plain
-        heading = " ".join([name, *labels])
-        ending = f" ({unit})" if unit else ""
-        for text, numbers in ((heading, values), (f"{heading} band", bands)):
-            column = columns.setdefault(f"{text}{ending}", [])
-            column += [np.nan] * (row - len(column))
-            column.append(float(numbers[place]))
+        for ending, array in numbers.items():
+            heading = " ".join([name, *labels]) + ending
+            _append(columns, _with_unit(heading, quantity.unit_at(place)), row, array[place])
+
+
+def _with_unit(heading: str, unit: Unit) -> str:
+    return f"{heading} ({unit.plain})" if unit.plain else heading
+
+
+def _append(columns: dict[str, list[float]], heading: str, row: int, value: float) -> None:
+    """Set the value of a column in a row; rows before it that have none are nan."""
+    column = columns.setdefault(heading, [])
+    column += [np.nan] * (row - len(column))
+    column.append(float(value))
