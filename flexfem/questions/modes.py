@@ -16,13 +16,15 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.plates import modes as network_modes
 from flexfem.analytic.preloaded import modes as beam_modes
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.modes import Modes
 from flexfem.fem.ports import plate_modes
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import plates, preloaded
 from flexfem.questions.loads import AtPoints, stated_load
 from flexfem.questions.mode_order import in_order, lowest_modes, shares_of_motion
+from flexfem.questions.mode_shapes import unlike_models, what_moves
 from flexfem.questions.plates import ElasticParts, Thickened, Values
 from flexfem.questions.setup import (
     ELASTIC,
@@ -196,6 +198,10 @@ def modes(
     notes = list[str]()
     if load is not None and SOLID in found:
         notes.append(preloaded.IN_THREE_DIMENSIONS)
+    if fields is not None:
+        words = _shapes_in_words(mechanism.layout, fields, order)
+        notes += words
+        notes += unlike_models(words) if len(found) > 1 else []
     return answer(
         MechanismModes,
         mechanism,
@@ -358,6 +364,15 @@ def _fields(asked: Vibrating, resolution: int, found: Modes | None) -> MeshField
         return {f"mode {k + 1}": shapes.field(k) for k in range(asked.most)}
 
     return MeshFields(plates.meshed(asked.mechanism, resolution), made)
+
+
+def _shapes_in_words(layout: Layout, fields: MeshFields, order: Index) -> list[str]:
+    """Return notes on what moves in every mode of plane finite elements, in an order."""
+    shapes = list(fields.made().values())
+    return [
+        f"mode {number}: {what_moves(layout, fields.mesh, shapes[k])}"
+        for number, k in enumerate(order.tolist(), start=1)
+    ]
 
 
 def _first_out_of_plane(
