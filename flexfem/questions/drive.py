@@ -25,6 +25,8 @@ class Drive(Result):
     has_mesh_fields = True
     title = "drive"
     main = ("motion", {})
+    figure = "displaced.drive_figure"
+    drawn_from_fields = True
     reading: ClassVar[tuple[str, ...]] = (
         "all actuators are in place with their stiffness; a motion is that for the free stroke "
         "of one actuator, which acts along its line at rest",

@@ -18,7 +18,7 @@ from flexfem.fem.ports import hinge_stress
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import finite, plates, setup
 from flexfem.questions.plates import ON_MESHES, PEAK, ElasticParts, Thickened, Values
-from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, ModelAnswer, Models
+from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, MeshFields, ModelAnswer, Models
 from flexfem.results import Progress, Quantity, Result
 
 GRAVITY = 9806.65  # mm/s^2, standard gravity
@@ -32,6 +32,8 @@ class MechanismGravity(Result):
 
     title = "displacement under weight"
     main = ("pose", {})
+    figure = "displaced.gravity_figure"
+    drawn_from_fields = True
     labels: ClassVar = {"out of plane": LIFTED}
     columns = ("direction", "out of plane")
     pose = Quantity("displacement", "motion", ("model", "point", "direction"), ON_MESHES, "pose")
@@ -128,6 +130,7 @@ def gravity(
         mesh,
         {"gravity": f"at {angle:g} degrees"},
         warnings=_warnings(mechanism, weight, found),
+        fields=_fields(mechanism, weight, mesh),
     )
 
 
@@ -160,6 +163,18 @@ def _by_mesh(mechanism: Mechanism, weight: Array, resolution: int, layers: int) 
         along_z = np.array([[-GRAVITY]])
         values["sag"] = lifting.weighed(lifting.mass, along_z).motions[:, 0]
     return values
+
+
+def _fields(mechanism: Mechanism, weight: Array, mesh: setup.Mesh | None) -> MeshFields | None:
+    """Return the displacement of the upright plate by plane finite elements; None without them."""
+    if mesh is None or mesh.layers:
+        return None
+
+    def made() -> dict[str, Array]:
+        model = plates.factorised(mechanism, mesh.resolution)
+        return {"displacement": model.weighed(model.mass, weight[None]).fields[0]}
+
+    return MeshFields(plates.meshed(mechanism, mesh.resolution), made)
 
 
 def _thickened(mechanism: Mechanism, weight: Array, plane: Values, thick: Thickened) -> Values:

@@ -17,6 +17,7 @@ import numpy as np
 from flexfem.analytic.plates import warmed as warmed_network
 from flexfem.arrays import Array
 from flexfem.fem.ports import warm_stress, warmed
+from flexfem.fem.response import HEAT_CASES, free_displacement
 from flexfem.mechanism.content import located
 from flexfem.mechanism.expansion import (
     KEY,
@@ -36,7 +37,7 @@ from flexfem.questions.plates import (
     Thickened,
     Values,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, Models
+from flexfem.questions.setup import DEFAULT, Analytic, MeshFields, Models
 from flexfem.results import Progress, Quantity, Result
 
 CASES = ("uniform", "gradient in x", "gradient in y")
@@ -54,6 +55,8 @@ class MechanismDrift(Result):
     title = "change of temperature"
     main_key = FRAME
     main = ("pose", {"case": "uniform"})
+    figure = "displaced.drift_figure"
+    drawn_from_fields = True
     labels: ClassVar = {"case": CASES}
     reading: ClassVar[tuple[str, ...]] = (
         "uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the "
@@ -154,8 +157,28 @@ def drift(
 
     found = plates.by_models(mechanism, mesh, models, by_network, by_elements, progress, bands)
     return setup.answer(
-        MechanismDrift, mechanism, found, mesh, warnings=warnings_of_frame(mechanism)
+        MechanismDrift,
+        mechanism,
+        found,
+        mesh,
+        warnings=warnings_of_frame(mechanism),
+        fields=_fields(mechanism, mesh),
     )
+
+
+def _fields(mechanism: Mechanism, mesh: setup.Mesh | None) -> MeshFields | None:
+    """Return the displacements per K or K/mm by plane finite elements; None without them."""
+    if mesh is None or mesh.layers:
+        return None
+
+    def made() -> dict[str, Array]:
+        expansion = expansion_of(mechanism)
+        model = plates.factorised(mechanism, mesh.resolution)
+        response = warmed(model, expansion.plate, expansion.frame, expansion.of_parts)
+        by_case = np.tensordot(HEAT_CASES, free_displacement(model.mesh.nodes), axes=1)
+        return dict(zip(CASES, response.fields + expansion.plate * by_case, strict=True))
+
+    return MeshFields(plates.meshed(mechanism, mesh.resolution), made)
 
 
 def warnings_of_frame(mechanism: Mechanism) -> list[str]:

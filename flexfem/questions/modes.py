@@ -57,6 +57,8 @@ class MechanismModes(Result):
     title = "natural modes"
     has_mesh_fields = True
     main = ("frequency", {})
+    figure = "displaced.modes_figure"
+    drawn_from_fields = True
     columns: ClassVar[tuple[str, ...]] = ("model", "direction", "motion")
     reading: ClassVar[tuple[str, ...]] = (
         "motion of the output: share of each direction in its square; rotations are multiplied "
@@ -188,7 +190,7 @@ def modes(
     if mesh is not None:
         motion = _motion(list(found.values())[-1].values["share"][order], lifted, mesh)
         if not mesh.layers:
-            fields = _fields(asked, mesh.resolution, by_mesh(mesh.resolution, 0).modes)
+            fields = _fields(asked, mesh.resolution, by_mesh(mesh.resolution, 0).modes, order)
     first = _first_out_of_plane(asked, mesh, found)
     settings = dict[str, str]()
     if mechanism.layout.actuators:
@@ -355,13 +357,13 @@ def _names(lifted: AnyArray, in_depth: bool) -> list[str]:
     ]
 
 
-def _fields(asked: Vibrating, resolution: int, found: Modes | None) -> MeshFields:
-    """Return the shapes of plane modes on their mesh."""
+def _fields(asked: Vibrating, resolution: int, found: Modes | None, order: Index) -> MeshFields:
+    """Return the shapes of plane modes, in the order of the table, on their mesh."""
     assert found is not None
     shapes = found
 
     def made() -> dict[str, Array]:
-        return {f"mode {k + 1}": shapes.field(k) for k in range(asked.most)}
+        return {f"mode {k}": shapes.field(number) for k, number in enumerate(order.tolist(), 1)}
 
     return MeshFields(plates.meshed(asked.mechanism, resolution), made)
 

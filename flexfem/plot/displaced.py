@@ -1,0 +1,197 @@
+"""Displaced outlines of a mechanism with their numbers: modes, strokes, weight and heat."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from flexfem.arrays import Array
+from flexfem.plot import style
+from flexfem.plot.drawing import fit
+from flexfem.plot.fields import VISIBLE, draw_field, draw_scale, exaggeration
+from flexfem.plot.style import NAMES, panels, wrapped
+from flexfem.plot.text import minus, significant
+from flexfem.questions.drive import Drive
+from flexfem.questions.gravity import MechanismGravity
+from flexfem.questions.heat import CASES, MechanismDrift
+from flexfem.questions.modes import MechanismModes
+from flexfem.questions.setup import MeshFields
+from flexfem.results import SPACE, Fields, Result
+
+SHARE = Normalize(0, 1)
+COLUMNS = 3  # panels per row
+PANEL = 3.9  # in, width
+WIDE_PANEL = 6.4  # in, width of the only panel
+NARROWEST = 7.4  # in, of a page
+LINE = 0.16  # in, height of a line of a title
+FLATTEST = 0.3  # height over width of a drawing, at least
+TALLEST = 1.2
+TITLE_SIZE = 9.5  # points
+BOTH_SENSES = (1.0, -1.0)
+CONVENTION = "Displacements are exaggerated; grey: at rest."
+WARM = {
+    "uniform": "1 K everywhere",
+    "gradient in x": "1 K/mm along X",
+    "gradient in y": "1 K/mm along Y",
+}
+
+
+class Shape(NamedTuple):
+    """A displaced outline: the lines of its title, and its field (n, 2), mm."""
+
+    title: Sequence[str]
+    field: Array
+
+
+@style.in_house_style
+def modes_figure(found: MechanismModes) -> Figure:
+    """Draw the natural modes, each with its frequency and the motion of the output."""
+    fields = _fields(found).made()
+    model = found.axes["model"][-1]
+    shapes = list[Shape]()
+    for mode, field in zip(found.axes["mode"], fields.values(), strict=True):
+        frequency = found.texts("frequency", mode=mode, model=model)[0]
+        shapes.append(Shape([f"mode {mode}: {frequency}", _moving(found, mode)], field))
+    lines = [
+        f"Frequencies: {model}. Shapes: plane finite elements, each with its own factor; grey: at "
+        "rest. Output: share of each direction in the square of its motion, rotations times the "
+        "lever."
+    ]
+    return _drawn(found, "natural modes", lines, shapes, BOTH_SENSES)
+
+
+def _moving(found: MechanismModes, mode: str) -> str:
+    """Return the main directions of the output in a mode."""
+    shares = found.at("share", mode=mode)
+    if np.isnan(shares).any():
+        return "the output hardly moves"
+    named = [
+        f"{share:.0f}{SPACE}% in {name}"
+        for name, share in zip(NAMES.values(), shares.tolist(), strict=True)
+        if share >= 1
+    ]
+    return f"output: {', '.join(named)}"
+
+
+@style.in_house_style
+def drive_figure(found: Drive) -> Figure:
+    """Draw the mechanism at the full stroke of each actuator, with motion, force and stress."""
+    fields = _fields(found).made()
+    model = found.axes["model"][-1]
+    output = found.axes["point"][0]
+    shapes = list[Shape]()
+    for name, field in fields.items():
+        at = {"actuator": name, "model": model}
+        used = found.texts("used", **at)[0]
+        force = found.texts("force", **at)[0]
+        title = [
+            f"full stroke of {name}",
+            _pose(found.texts("motion", point=output, **at)),
+            f"opening {used} of the stroke, force {force}",
+            f"highest hinge stress {_at_part(found.texts('stress', **at))}",
+        ]
+        shapes.append(Shape(title, field))
+    lines = [
+        f"Motion of the output for the full free stroke of one actuator, all in place: {model}. "
+        f"Shapes: plane finite elements at small displacements, each with its own factor. "
+        f"{CONVENTION}"
+    ]
+    return _drawn(found, "motion by the actuators", lines, shapes)
+
+
+@style.in_house_style
+def gravity_figure(found: MechanismGravity) -> Figure:
+    """Draw the mechanism under its weight, with the displacement of every point."""
+    field = _fields(found).made()["displacement"]
+    model = found.axes["model"][-1]
+    title = [
+        f"{point}: {_pose(found.texts('pose', model=model, point=point))}"
+        for point in found.axes["point"]
+    ]
+    title.append(f"highest hinge stress {_at_part(found.texts('stress', model=model))}")
+    lines = [
+        f"Upright plate, gravity {found.settings['gravity']} from X; numbers: {model}. Shape: "
+        f"plane finite elements. {CONVENTION}"
+    ]
+    return _drawn(found, "displacement by weight", lines, [Shape(title, field)])
+
+
+@style.in_house_style
+def drift_figure(found: MechanismDrift) -> Figure:
+    """Draw the mechanism displaced by heat, in every case with the motion of the output."""
+    fields = _fields(found).made()
+    model = found.axes["model"][-1]
+    output = found.axes["point"][0]
+    shapes = list[Shape]()
+    for case in CASES:
+        at = {"case": case, "model": model}
+        title = [
+            WARM[case],
+            _pose(found.texts("pose", point=output, **at)),
+            f"highest hinge stress {_at_part(found.texts('stress', **at))}",
+        ]
+        shapes.append(Shape(title, fields[case]))
+    lines = [
+        f"Motion of the output per K or K/mm, about the origin: {model}. Shapes: plane finite "
+        f"elements, each with its own factor. {CONVENTION}"
+    ]
+    return _drawn(found, "drift by temperature", lines, shapes)
+
+
+def _pose(cells: Sequence[str]) -> str:
+    """Return a motion by its cells along x, y and theta."""
+    parts = [f"{name} {cell}" for name, cell in zip(NAMES.values(), cells, strict=True)]
+    return minus(", ".join(parts))
+
+
+def _at_part(cells: Sequence[str]) -> str:
+    """Return the highest stress of the table and where it is."""
+    value, _, part = cells[0].partition("\n")
+    return f"{value} at {part}" if part else value
+
+
+def _fields(found: Result) -> MeshFields:
+    assert isinstance(found.fields, MeshFields)
+    return found.fields
+
+
+def _drawn(
+    found: Result,
+    subject: str,
+    lines: Sequence[str],
+    shapes: Sequence[Shape],
+    signs: tuple[float, ...] = (1.0,),
+) -> Figure:
+    """Draw shapes, coloured by their displacement, each with its own exaggeration.
+
+    signs : of the displacements that must not cross.
+    """
+    mesh = _fields(found).mesh
+    columns = min(COLUMNS, len(shapes))
+    rows = -(-len(shapes) // columns)
+    width = PANEL if columns > 1 else WIDE_PANEL
+    titles = [
+        "\n".join(wrapped(line, width - 0.2, TITLE_SIZE) for line in each.title) for each in shapes
+    ]
+    wide, high = np.ptp(mesh.nodes, axis=0)
+    height = float(np.clip(high / wide, FLATTEST, TALLEST)) * width
+    height += LINE * (1 + max(title.count("\n") + 1 for title in titles))
+    size = (max(columns * width + 0.3, NARROWEST), rows * height + 0.8)
+    title = f"{found.about.name}: {subject}"
+    figure, axes = panels(size, title, lines, rows, columns, found.about, len(shapes))
+    for ax, text, shape in zip(axes, titles, shapes, strict=True):
+        plane = Fields(mesh.nodes, mesh.triangles, mesh.bodies, shape.field, shape.field[:, 0])
+        factor = exaggeration(plane, signs=signs)
+        moved = mesh.nodes + factor * shape.field
+        sizes = np.linalg.norm(shape.field, axis=1)
+        values = sizes / (sizes.max() or 1.0)
+        draw_field(ax, mesh.nodes, mesh.triangles, moved, values, SHARE)
+        fit(ax, np.concatenate([mesh.nodes, moved]), VISIBLE / 2)
+        shown = text if signs == BOTH_SENSES else f"{text}\ndrawn × {significant(factor, 1)}"
+        ax.set_title(shown, size=TITLE_SIZE)
+    draw_scale(figure, figure.axes, SHARE, "displacement / largest of the drawing")
+    return figure
