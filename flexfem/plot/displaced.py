@@ -10,6 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
+from flexfem.fem.mesh import StageMesh
 from flexfem.plot import style
 from flexfem.plot.drawing import fit
 from flexfem.plot.fields import VISIBLE, draw_field, draw_scale, exaggeration
@@ -91,8 +92,9 @@ def drive_figure(found: Drive) -> Figure:
         title = [
             f"full stroke of {name}",
             _pose(found.texts("motion", point=output, **at)),
-            f"opening {used} of the stroke, force {force}",
-            f"highest hinge stress {_at_part(found.texts('stress', **at))}",
+            f"opening {used} of the stroke",
+            f"force {force}",
+            f"highest hinge stress {found.texts('stress', **at)[0]}",
         ]
         shapes.append(Shape(title, field))
     lines = [
@@ -112,9 +114,9 @@ def gravity_figure(found: MechanismGravity) -> Figure:
         f"{point}: {_pose(found.texts('pose', model=model, point=point))}"
         for point in found.axes["point"]
     ]
-    title.append(f"highest hinge stress {_at_part(found.texts('stress', model=model))}")
+    title.append(f"highest hinge stress {found.texts('stress', model=model)[0]}")
     lines = [
-        f"Upright plate, gravity {found.settings['gravity']} from X; numbers: {model}. Shape: "
+        f"Upright plate, gravity {minus(found.settings['gravity'])} from X; numbers: {model}. Shape: "
         f"plane finite elements. {CONVENTION}"
     ]
     return _drawn(found, "displacement by weight", lines, [Shape(title, field)])
@@ -132,7 +134,7 @@ def drift_figure(found: MechanismDrift) -> Figure:
         title = [
             WARM[case],
             _pose(found.texts("pose", point=output, **at)),
-            f"highest hinge stress {_at_part(found.texts('stress', **at))}",
+            f"highest hinge stress {found.texts('stress', **at)[0]}",
         ]
         shapes.append(Shape(title, fields[case]))
     lines = [
@@ -146,12 +148,6 @@ def _pose(cells: Sequence[str]) -> str:
     """Return a motion by its cells along x, y and theta."""
     parts = [f"{name} {cell}" for name, cell in zip(NAMES.values(), cells, strict=True)]
     return minus(", ".join(parts))
-
-
-def _at_part(cells: Sequence[str]) -> str:
-    """Return the highest stress of the table and where it is."""
-    value, _, part = cells[0].partition("\n")
-    return f"{value} at {part}" if part else value
 
 
 def _fields(found: Result) -> MeshFields:
@@ -174,24 +170,39 @@ def _drawn(
     columns = min(COLUMNS, len(shapes))
     rows = -(-len(shapes) // columns)
     width = PANEL if columns > 1 else WIDE_PANEL
+    factors = [_factor(mesh, shape, signs) for shape in shapes]
     titles = [
-        "\n".join(wrapped(line, width - 0.2, TITLE_SIZE) for line in each.title) for each in shapes
+        _title(shape, factor, signs, width) for shape, factor in zip(shapes, factors, strict=True)
     ]
-    wide, high = np.ptp(mesh.nodes, axis=0)
+    moved = [
+        mesh.nodes + factor * shape.field for shape, factor in zip(shapes, factors, strict=True)
+    ]
+    everywhere = np.concatenate([mesh.nodes, *moved])
+    wide, high = np.ptp(everywhere, axis=0)
     height = float(np.clip(high / wide, FLATTEST, TALLEST)) * width
-    height += LINE * (1 + max(title.count("\n") + 1 for title in titles))
+    height += LINE * (2 + max(title.count("\n") + 1 for title in titles))
     size = (max(columns * width + 0.3, NARROWEST), rows * height + 0.8)
     title = f"{found.about.name}: {subject}"
     figure, axes = panels(size, title, lines, rows, columns, found.about, len(shapes))
-    for ax, text, shape in zip(axes, titles, shapes, strict=True):
-        plane = Fields(mesh.nodes, mesh.triangles, mesh.bodies, shape.field, shape.field[:, 0])
-        factor = exaggeration(plane, signs=signs)
-        moved = mesh.nodes + factor * shape.field
+    for ax, text, shape, places in zip(axes, titles, shapes, moved, strict=True):
         sizes = np.linalg.norm(shape.field, axis=1)
         values = sizes / (sizes.max() or 1.0)
-        draw_field(ax, mesh.nodes, mesh.triangles, moved, values, SHARE)
-        fit(ax, np.concatenate([mesh.nodes, moved]), VISIBLE / 2)
-        shown = text if signs == BOTH_SENSES else f"{text}\ndrawn × {significant(factor, 1)}"
-        ax.set_title(shown, size=TITLE_SIZE)
+        draw_field(ax, mesh.nodes, mesh.triangles, places, values, SHARE)
+        fit(ax, everywhere, VISIBLE / 2)
+        ax.set_title(text, size=TITLE_SIZE)
     draw_scale(figure, figure.axes, SHARE, "displacement / largest of the drawing")
     return figure
+
+
+def _factor(mesh: StageMesh, shape: Shape, signs: tuple[float, ...]) -> float:
+    """Return the exaggeration of a shape."""
+    plane = Fields(mesh.nodes, mesh.triangles, mesh.bodies, shape.field, shape.field[:, 0])
+    return exaggeration(plane, signs=signs)
+
+
+def _title(shape: Shape, factor: float, signs: tuple[float, ...], width: float) -> str:
+    """Return the title of a panel; the factor of a mode, whose size is arbitrary, is left out."""
+    lines = [*shape.title]
+    if signs != BOTH_SENSES:
+        lines.append(f"drawn × {significant(factor, 1)}")
+    return "\n".join(wrapped(line, width - 0.2, TITLE_SIZE) for line in lines)

@@ -32,9 +32,9 @@ from flexfem.plot.drawing import (
     write,
     xy,
 )
-from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
+from flexfem.plot.fields import RIGID, displaced, plane_fields
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, in_house_style, new_axes, page
-from flexfem.plot.text import significant
+from flexfem.plot.text import minus, significant
 from flexfem.questions.setup import MeshFields
 from flexfem.results import Result
 from flexfem.units import LENGTH, STRESS
@@ -367,12 +367,11 @@ def load_figure(found: Result) -> Figure:
 
 
 def _load_text(found: Result) -> str:
-    """Return the components of the load, with zeros in place of round-off."""
-    force = found.at("force", model=found.axes["model"][-1])
-    is_zero = np.abs(force) <= ROUND_OFF * found.sizes("force")[-1]
-    load = np.where(is_zero, 0.0, force).tolist()
-    components = zip(NAMES.values(), load, ("N", "N", "N mm"), strict=True)
-    return ", ".join(f"{name} {significant(value)} {unit}" for name, value, unit in components)
+    """Return the components of the load, with zeros in place of round-off and of less than bands."""
+    cells = found.texts("force", model=found.axes["model"][-1])
+    return ", ".join(
+        f"{name} {minus(cell)}" for name, cell in zip(NAMES.values(), cells, strict=True)
+    )
 
 
 def _highest_stress(found: Result) -> str:

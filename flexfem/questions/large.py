@@ -41,6 +41,7 @@ class Large(Result):
     kind_name = "mechanism_large"
     title = "large displacements"
     main = ("pose", {"load": "100 %"})
+    figure = "large.large_figure"
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in SHARES)}
     reading = (
         "linear: the analytic network with rigid bodies, or finite elements of a plate without "
