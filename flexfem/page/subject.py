@@ -198,7 +198,8 @@ class MechanismPage:
         answers = [self.ask(question) for question in self.questions(name)]
         figures = list[Markup]()
         for found in answers:
-            if found.figure and name not in TABLES_ONLY:
+            has_figure = found.figure and (found.fields is not None or not found.drawn_from_fields)
+            if has_figure and name not in TABLES_ONLY:
                 draw = partial(_main_figure, found)
                 figures.append(shown_figure(f"{name}-figure", draw, title))
         return section(name, title, *map(parts.answered, answers), *figures)

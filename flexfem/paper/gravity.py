@@ -42,6 +42,9 @@ HEAVIEST = 1e4  # kg
 class Gravity(MechanismGravity):
     """Displacement and neck stress of a stage under its own weight and that of its payload."""
 
+    figure = ""
+    has_mesh_fields = False
+    drawn_from_fields = False
     pose = Quantity("displacement", "motion", ("model", "direction"), FRESH, "pose")
     sag = Quantity(
         "displacement out of the plane of a horizontal plate",

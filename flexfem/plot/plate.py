@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, PathPatch, Wedge
 from matplotlib.path import Path
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, is_largest
 from flexfem.mechanism.dimensions import Disc, Span
 from flexfem.mechanism.hinge_place import joint_polygon
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator
@@ -382,4 +382,5 @@ def _highest_stress(found: Result) -> str:
     if "body_stress" in found.values:
         parts += [f"body {name}" for name in found.axes["body"]]
         stress = np.concatenate([stress, found.at("body_stress", model=model)])
-    return f"up to {significant(float(np.max(stress)))} {STRESS} at {parts[int(stress.argmax())]}"
+    first = int(np.argmax(is_largest(stress)))  # of equal ones, as in the table
+    return f"up to {significant(float(np.max(stress)))} {STRESS} at {parts[first]}"

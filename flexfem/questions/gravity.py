@@ -33,6 +33,7 @@ class MechanismGravity(Result):
     title = "displacement under weight"
     main = ("pose", {})
     figure = "displaced.gravity_figure"
+    has_mesh_fields = True
     drawn_from_fields = True
     labels: ClassVar = {"out of plane": LIFTED}
     columns = ("direction", "out of plane")

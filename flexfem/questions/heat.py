@@ -56,6 +56,7 @@ class MechanismDrift(Result):
     main_key = FRAME
     main = ("pose", {"case": "uniform"})
     figure = "displaced.drift_figure"
+    has_mesh_fields = True
     drawn_from_fields = True
     labels: ClassVar = {"case": CASES}
     reading: ClassVar[tuple[str, ...]] = (
