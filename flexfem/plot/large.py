@@ -20,6 +20,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     BEAMS: {"color": COLOURS[0], "linewidth": 1.8},
     ELEMENTS: {"color": COLOURS[1], "linewidth": 1.4, "linestyle": (0, (5, 1.5))},
 }
+FORCE_WORDS = {"x": "force", "y": "force", "theta": "moment"}
 FORCE_UNITS = {"x": "N", "y": "N", "theta": "N mm"}
 STIFFNESS_UNITS = {"x": "N/mm", "y": "N/mm", "theta": "N mm/rad"}
 SIZE = (10.6, 4.4)  # in
@@ -37,7 +38,7 @@ def large_figure(found: Large) -> Figure:
     ]
     title = f"{found.about.name}: large displacements"
     figure, axes = panels(SIZE, title, lines, 1, 2, found.about)
-    titled(plot_force(axes[0], found, direction), "a", "force")
+    titled(plot_force(axes[0], found, direction), "a", FORCE_WORDS[direction])
     titled(plot_tangent(axes[1], found, direction), "b", "tangent stiffness, other directions free")
     style.legend_below(figure, axes, 4)
     return figure
@@ -68,7 +69,7 @@ def plot_force(ax: Axes, found: Large, direction: Direction) -> Axes:
             ax.plot(moved, force, label=theory, **look)
     if "event_pose" in found.values:
         _mark_events(ax, found, direction)
-    _label(ax, direction, f"force ({FORCE_UNITS[direction]})")
+    _label(ax, direction, f"{FORCE_WORDS[direction]} ({FORCE_UNITS[direction]})")
     return ax
 
 

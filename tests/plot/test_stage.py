@@ -263,7 +263,10 @@ def test_with_a_display_a_window_opens_and_nothing_is_written(tmp_path, monkeypa
         ('name = "x"\n', r"\.toml: .*thickness_mm.* missing"),
         ("[chain]\nlink_lengths_mm = [31.0]\n", r"link_lengths_mm = \[31.0\], expected 3 values"),
         ("[hinges.base]\nneckmm = 1.0\n", r"hinges\.base\.neckmm is an unknown key"),
-        ('[[curve]]\ndirection = "x"\npoints = 3\n', "this is a case file, expected a stage or mechanism file"),
+        (
+            '[[curve]]\ndirection = "x"\npoints = 3\n',
+            "this is a case file, expected a stage or mechanism file",
+        ),
     ],
 )
 def test_what_is_wrong_in_a_file_is_refused(tmp_path, text, said):
