@@ -180,3 +180,13 @@ def test_a_slender_body_yields_before_its_hinge_at_the_bending_stress_of_its_nec
     force = float(found.at("range_force", **place))
     assert force == pytest.approx(strength * B * 1.2**2 / 6 / 42, rel=OF_BODIES)
     assert any("yield of body 'arm'" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_an_end_that_finite_elements_do_not_come_near_is_not_stated():
+    """A free turn of this guide finds several equilibria of finite elements far from rest."""
+    found = flexfem.stiffness(flexfem.load("geometry/double-parallelogram.toml"))
+    ends = found.at("range", others="free", direction="theta")
+    assert np.all(np.isnan(ends))
+    unknown = [note for note in found.notes if "theta (free): not known" in note]
+    assert len(unknown) == 2
