@@ -73,7 +73,7 @@ def _drawn(rng: np.random.Generator, number: int) -> list[tuple[Array, Array, st
                 dynamics(stage, analyse(stage, *how), Payload()).frequencies[:COUNT]
                 for how in MODELS.values()
             ]
-            metal = [by_elements(stage, level) for level in RESOLUTIONS + FINE]
+            metal = [element_values(stage, level) for level in RESOLUTIONS + FINE]
         except (BadInput, ComputationFailed, ValueError):
             continue
         found.append((np.array(metal), np.array(models), json.dumps(drawn)))
@@ -81,7 +81,7 @@ def _drawn(rng: np.random.Generator, number: int) -> list[tuple[Array, Array, st
     return found
 
 
-def by_elements(stage: Stage, resolution: int) -> Array:
+def element_values(stage: Stage, resolution: int) -> Array:
     """Frequencies (6,), rad/s."""
     return modes(vibrating(stage, build_mesh(stage, resolution), Payload()), COUNT).frequencies
 

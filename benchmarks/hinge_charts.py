@@ -59,7 +59,7 @@ from flexfem.fem.elements import (
     widening,
 )
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import StageMesh, mapped, nodes_on
+from flexfem.fem.mesh import PlaneMesh, mapped, nodes_on
 from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.hinges.chart import FREEDOMS, SHEAR_CORRECTION
 from flexfem.results import versions
@@ -119,7 +119,7 @@ class Extrapolation(NamedTuple):
 
 def _mesh(
     hinge: SingleHinge, columns: tuple[int, int, int], rows: int, along: Callable[[Array], Array]
-) -> StageMesh:
+) -> PlaneMesh:
     """Mesh a quarter: edge `left` is half the neck, `bottom` the axis, `right` the end of the
     block, `top` free.
 
@@ -161,7 +161,7 @@ def _mesh(
     return mapped(total, rows, place)
 
 
-def hinge_mesh(hinge: SingleHinge, refinement: int) -> StageMesh:
+def hinge_mesh(hinge: SingleHinge, refinement: int) -> PlaneMesh:
     """Mesh the quarter of a hinge with `_mesh`; a slender neck needs few columns, as its stress is
     that of a beam.
     """
@@ -175,7 +175,7 @@ def hinge_mesh(hinge: SingleHinge, refinement: int) -> StageMesh:
     return _mesh(hinge, columns, refinement * ROWS, lambda s: hinge.block[1] * s)
 
 
-def section_mesh(hinge: SingleHinge, refinement: int) -> StageMesh:
+def section_mesh(hinge: SingleHinge, refinement: int) -> PlaneMesh:
     """Mesh the quarter of the section with `_mesh`; along the block columns widen with the distance
     from the notch.
 
@@ -210,7 +210,7 @@ def layers(hinge: SingleHinge, refinement: int) -> Layers:
     )
 
 
-def _loads(mesh: StageMesh, block: tuple[float, float]) -> Array:
+def _loads(mesh: PlaneMesh, block: tuple[float, float]) -> Array:
     """Return nodal forces (3, n, 2) on the end of the block for a unit moment, axial and shear
     force at the neck.
     """
@@ -232,7 +232,7 @@ def _loads(mesh: StageMesh, block: tuple[float, float]) -> Array:
     return forces
 
 
-def _held_freedoms(mesh: StageMesh) -> NDArray[np.bool_]:
+def _held_freedoms(mesh: PlaneMesh) -> NDArray[np.bool_]:
     """Return which freedoms (3, n, 2) symmetry holds under these loads, and one that prevents rigid
     motion.
     """
@@ -274,7 +274,7 @@ def _responses(quarter: Structure, loads: Array, held: NDArray[np.bool_]) -> tup
     )
 
 
-def compliance(hinge: SingleHinge, refinement: int = 0, mesh: StageMesh | None = None) -> Array:
+def compliance(hinge: SingleHinge, refinement: int = 0, mesh: PlaneMesh | None = None) -> Array:
     """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the
     order of `FREEDOMS`.
     """

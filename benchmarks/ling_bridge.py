@@ -226,7 +226,7 @@ def amplifier(kind: str) -> Mechanism:
     )
 
 
-def of_ports(found: Responses) -> tuple[float, float]:
+def values_of_ports(found: Responses) -> tuple[float, float]:
     """Amplification and N/mm from the compliance between the output (x, y, theta) and the opening
     of the inputs.
     """
@@ -323,14 +323,14 @@ def rows(kind: str, given: argparse.Namespace) -> Iterator[tuple[str, float, flo
     for name, elastic in (("flexfem analytic", False), ("flexfem elastic bodies", True)):
         more = (parts.bodies, False, parts.hinges) if elastic else ()
         frequency = analytic.modes(mechanism.layout, *more)[0]
-        yield name, *of_ports(network(mechanism, elastic)), frequency / (2 * math.pi)
+        yield name, *values_of_ports(network(mechanism, elastic)), frequency / (2 * math.pi)
     for name, layers in (
         ("flexfem plane stress", 0),
         (f"flexfem {given.layers} layers", given.layers),
     ):
         size = (given.resolution, 0) if not layers else (4, layers)
         frequency = plate_modes(factorised(mechanism, *size), 1).frequencies[0]
-        yield name, *of_ports(elements(mechanism, *size)), frequency / (2 * math.pi)
+        yield name, *values_of_ports(elements(mechanism, *size)), frequency / (2 * math.pi)
     if importlib.util.find_spec("ngsolve"):
         for size in given.sizes:
             yield f"NGSolve, {size:g} mm", *ngsolve(kind, size)

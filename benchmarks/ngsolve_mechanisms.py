@@ -277,7 +277,7 @@ def strain_of(u: Any) -> Any:
     return (ng.Grad(u) + ng.Grad(u).trans) / 2
 
 
-def of_ports(layout: Layout, C: Array) -> dict[str, Array]:
+def values_of_ports(layout: Layout, C: Array) -> dict[str, Array]:
     """Numbers by quantity of flexfem, from the compliance of the ports."""
     drives = layout.drive_ports
     found = {
@@ -322,7 +322,7 @@ def reference(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array]:
         residual = (load.vec - K.mat * field.vec).Evaluate()
         field.vec.data += inverse * residual
         drift[number] = fields.mean(field, layout.points[0][1])
-    return {"pose": drift} | of_ports(layout, fields.compliance(inverse) / layout.thickness)
+    return {"pose": drift} | values_of_ports(layout, fields.compliance(inverse) / layout.thickness)
 
 
 def solid_reference(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array]:
@@ -340,7 +340,7 @@ def solid_reference(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array
     _, inverse = fields.factorised(E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu))
     C = fields.compliance(inverse) / 2
     return (
-        of_ports(layout, C)
+        values_of_ports(layout, C)
         | {"frequency": first_frequency(fields, inverse)}
         | out_of_plane(mechanism, order)
     )

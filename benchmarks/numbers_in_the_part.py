@@ -35,7 +35,7 @@ from ngsolve_mechanisms import (
     double_guide,
     first_frequency,
     heights,
-    of_ports,
+    values_of_ports,
 )
 from random_mechanisms import Random, guide, legs, ring
 
@@ -136,7 +136,7 @@ def solved(mechanism: flexfem.Mechanism, order: int) -> dict[str, Array]:
             raise MemoryError(f"more than {LARGEST} unknowns: {fields.space.ndof}")
         _, inverse = fields.factorised(E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu))
         if kind is Fields:
-            stiff = of_ports(layout, fields.compliance(inverse) / 2)["free"]
+            stiff = values_of_ports(layout, fields.compliance(inverse) / 2)["free"]
         frequencies.append(float(first_frequency(fields, inverse)[0]))
     return {"free": stiff, "frequency": np.array(frequencies)}
 

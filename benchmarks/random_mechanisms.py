@@ -24,7 +24,7 @@ from flexfem.arrays import Array
 from flexfem.fem import ports
 from flexfem.mechanism.profiles import profile_of
 from flexfem.questions.plates import ElasticParts, elements, model_of, network, parts_of
-from flexfem.questions.stiffness import of_ports
+from flexfem.questions.stiffness import values_of_ports
 
 RESOLUTION = 6
 LARGE = 10.0
@@ -225,14 +225,14 @@ def quantities(mechanism: flexfem.Mechanism, label: str) -> list[Array]:
     if label in MODELS:
         parts = parts_of(mechanism) if label == "elastic bodies" else ElasticParts()
         response = network(mechanism, label == "elastic bodies")
-        weight, _ = plates.weighed(layout, pull, parts.bodies, hinges=parts.hinges)
-        warm, _ = plates.warmed(layout, *heat, parts.bodies, hinges=parts.hinges)
+        weight, _ = plates.weight_response(layout, pull, parts.bodies, hinges=parts.hinges)
+        warm, _ = plates.thermal_response(layout, *heat, parts.bodies, hinges=parts.hinges)
         lowest = plates.modes(layout, parts.bodies, hinges=parts.hinges)[:1]
     else:
         model = model_of(mechanism, RESOLUTION)
         response = elements(mechanism, RESOLUTION)
-        weight = model.weighed(model.mass, pull).motions
-        warm = ports.warmed(model, *heat).motions
+        weight = model.weight_response(model.mass, pull).motions
+        warm = ports.thermal_response(model, *heat).motions
         lowest = ports.plate_modes(model, 1).frequencies[:1]
     C = response.compliance
     lever = np.array([1.0, 1.0, layout.lever])
@@ -241,7 +241,7 @@ def quantities(mechanism: flexfem.Mechanism, label: str) -> list[Array]:
         or np.linalg.eigvalsh(C).min() < -1e-9 * np.abs(C).max()
     ):
         raise ArithmeticError(f"the compliance of {label} is not symmetric and positive")
-    stress = np.max(of_ports(mechanism, response)["stress"], axis=0)
+    stress = np.max(values_of_ports(mechanism, response)["stress"], axis=0)
     return [C, stress[:, None], weight[:3].T * lever, warm[:3].T * lever, lowest[:, None]]
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from flexfem import Mechanism
 from flexfem.analytic.finite import displaced
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.fem.nonlinear import equilibria, equilibrium
 from flexfem.fem.ports import plate_of_layout
 from flexfem.questions.plates import elements, meshed, model_of, solved
@@ -82,7 +82,7 @@ def parallelogram(model: str, thickness: float = THICKNESS) -> Mechanism:
     )
 
 
-def leaves(mechanism: Mechanism, resolution: int) -> StageMesh:
+def leaves(mechanism: Mechanism, resolution: int) -> PlaneMesh:
     """Mesh of the leaves alone, from the ground to a rigid body at the point of the output."""
     mesh = meshed(mechanism, resolution)
     used, numbers = np.unique(
@@ -95,7 +95,7 @@ def leaves(mechanism: Mechanism, resolution: int) -> StageMesh:
     }
     bodies = mesh.bodies[mesh.bodies >= len(mechanism.layout.bodies)]
     nodes = mesh.nodes[used] - [LENGTH, 0.0]
-    return StageMesh(nodes, numbers.reshape(-1, 6), bodies, edges)
+    return PlaneMesh(nodes, numbers.reshape(-1, 6), bodies, edges)
 
 
 def poses(model: str, resolution: int) -> list[np.ndarray]:

@@ -30,12 +30,12 @@ import flexfem
 from flexfem.arrays import Array, inverse
 from flexfem.fem.elements import Plate, sheet
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, StageMesh, ordered, welded
+from flexfem.fem.mesh import RESOLUTION, PlaneMesh, ordered, welded
 from flexfem.fem.response import Response, unit_response
 from flexfem.files.writing import markdown_table
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.paper.budget import SOLID, thick_compliance
-from flexfem.paper.designs import Designs, lower
+from flexfem.paper.designs import Designs, design_arrays
 from flexfem.paper.equations import (
     AXIAL,
     PaperModel,
@@ -148,7 +148,7 @@ def stacked(stages: tuple[Stage, ...]) -> Designs:
     """Stages as arrays, the leading axis stages; values that all stages share are those of the
     first.
     """
-    each = [lower(stage) for stage in stages]
+    each = [design_arrays(stage) for stage in stages]
     found = each[0].repeated(len(each))
     for field in fields(Designs):
         part = getattr(found, field.name)
@@ -176,7 +176,9 @@ def reference_side(stage: Stage, mobility: int) -> Side:
     percent, band = error_bands(K, found, steps, stage.chain.link_lengths[2])
     bodies = body_compliance(stage)[None]
     own = (K[None], percent[None], float(np.max(np.diag(band))))
-    return Side((stage,), lower(stage), bodies, found[-1][None], mobility, DEFAULT_FORMULA, *own)
+    return Side(
+        (stage,), design_arrays(stage), bodies, found[-1][None], mobility, DEFAULT_FORMULA, *own
+    )
 
 
 def reference() -> Pairs:
@@ -259,7 +261,7 @@ def draw_ensemble(designs: int = DESIGNS) -> Ensemble:
     for index, row in enumerate(values):
         try:
             pair = pair_of(stages, row)
-            if not all(bool(answered(lower(stage), CALIBRATED)[0]) for stage in pair):
+            if not all(bool(answered(design_arrays(stage), CALIBRATED)[0]) for stage in pair):
                 off_chart += 1
                 continue
             for stage in pair:
@@ -776,14 +778,14 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
         yield "three dimensions by the chart of single hinges", fine.compliance + thick - flat
 
 
-def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
+def linear_compliance(mesh: PlaneMesh, plate: Plate) -> Array:
     """Platform compliance (3, 3) of straight linear triangles on the corners of a mesh: `K = b A
     B^T D B`.
     """
     mesh, _ = ordered(mesh)
     corners = int(mesh.triangles[:, :3].max()) + 1  # the first nodes
     edges = {name: edge[:, :2] for name, edge in mesh.edges.items()}
-    straight = StageMesh(mesh.nodes[:corners], mesh.triangles[:, :3], mesh.bodies, edges)
+    straight = PlaneMesh(mesh.nodes[:corners], mesh.triangles[:, :3], mesh.bodies, edges)
     at = straight.nodes[straight.triangles]
     sides = np.roll(at, -2, axis=1) - np.roll(at, -1, axis=1)  # opposite to each corner
     area = 0.5 * (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
@@ -864,7 +866,7 @@ def scattered(stage: Stage, K: Array) -> Array:
     """Errors (200, 3, 3) of stages whose nine necks scatter by 5 um; the model has the drawn
     dimensions.
     """
-    designs = lower(stage).repeated(200)
+    designs = design_arrays(stage).repeated(200)
     designs.neck[:] += 0.005 * np.random.default_rng(2003).normal(size=(200, 3, 3))
     hinges = hinge_compliances(designs, CALIBRATED)
     real = inverse(at_rest(designs, hinges, freedoms_of(21), body_compliance(stage)).stiffness)

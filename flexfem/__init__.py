@@ -4,12 +4,11 @@
 
     stage = flexfem.load("geometry/mobility6.toml")  # checked; or BadInput with file, line and key
     thin = stage.replace(neck={"elbow": 0.4})  # checked again
-    found = flexfem.stiffness(thin)  # the result that `flexfem stiffness` prints; so for all commands
-    found.at("stiffness", model="analytic")  # 3 x 3, in the units of its table
-    budget = flexfem.budget(thin)
-    flexfem.plot.plot_budget(ax, budget, "x")  # on axes of your own; so for all results
-    flexfem.export(thin, "part.dxf", kerf=0.3)  # the part for the workshop, also .step and .svg
-    reading = flexfem.Reading(thickness=10.0, material="al-7075-t6")
+    found = flexfem.stiffness(thin)  # the result that `flexfem stiffness` prints; so for all
+    commands found.at("stiffness", model="analytic")  # 3 x 3, in the units of its table budget =
+    flexfem.budget(thin) flexfem.plot.plot_budget(ax, budget, "x")  # on axes of your own; so for
+    all results flexfem.export(thin, "part.dxf", kerf=0.3)  # the part for the workshop, also .step
+    and .svg reading = flexfem.Reading(thickness=10.0, material="al-7075-t6")
     flexfem.import_drawing("part.dxf", "mine.toml", reading=reading)
     flexfem.run_study("cases/study-reach.toml")  # many designs; flexfem.study.table reads its table
 

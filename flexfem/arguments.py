@@ -42,7 +42,12 @@ def vectors(
     return array
 
 
-def integer(name: str, value: Any, most: int, least: int = 1) -> int:
+def integer(
+    name: str,
+    value: Any,
+    most: int,
+    least: int = 1,
+) -> int:
     """Return an integer from `least` to `most`. Raises BadInput."""
     if (
         not isinstance(value, int | np.integer)
@@ -72,18 +77,33 @@ def resolutions(values: Any) -> list[int]:
     return [resolution(value) for value in values]
 
 
-def _number(name: str, value: Any, is_valid: Callable[[float], bool], expected: str) -> float:
+def _number(
+    name: str,
+    value: Any,
+    is_valid: Callable[[float], bool],
+    expected: str,
+) -> float:
     if not isinstance(value, Real) or isinstance(value, bool) or not is_valid(float(value)):
         raise BadInput(f"{name} {printed(value)}, expected a number {expected}")
     return float(value)
 
 
-def positive(name: str, value: Any, most: float) -> float:
+def positive(
+    name: str,
+    value: Any,
+    most: float,
+) -> float:
     """Return a number above zero and at most `most`. Raises BadInput."""
     return _number(name, value, lambda number: 0 < number <= most, f"above 0, at most {most:g}")
 
 
-def between(name: str, value: Any, least: float, most: float, suffix: str = "") -> float:
+def between(
+    name: str,
+    value: Any,
+    least: float,
+    most: float,
+    suffix: str = "",
+) -> float:
     """Return a number from `least` to `most`. Raises BadInput, its text with a `suffix` such as the
     unit.
     """
@@ -96,7 +116,12 @@ forces = partial(vectors, limit=LARGEST_FORCE)
 poses = partial(vectors, limit=LARGEST_DISPLACEMENT)
 
 
-def pair(name: str, values: Any, most: tuple[float, float], meaning: str) -> tuple[float, float]:
+def pair(
+    name: str,
+    values: Any,
+    most: tuple[float, float],
+    meaning: str,
+) -> tuple[float, float]:
     """Return two numbers from zero to `most`. Raises BadInput, its text with the `meaning` of the
     numbers.
     """

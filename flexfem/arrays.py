@@ -20,7 +20,7 @@ ROUND_OFF = (
 SINGULAR = 1e10  # condition number of the equilibrated matrix that leaves six digits of sixteen
 
 
-def brief(kind: Kind) -> Kind:
+def short_repr(kind: Kind) -> Kind:
     """Decorate a named tuple: `repr` has its numbers and texts, and only the sizes of arrays and
     collections.
     """
@@ -56,7 +56,11 @@ def inverse(A: Array) -> Array:
     Rows and columns are first scaled to unit largest entry, so that the condition number (1-norm)
     does not depend on the units mm and rad. One singular design in a batch leaves the others
     untouched."""
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+    with np.errstate(
+        divide="ignore",
+        invalid="ignore",
+        over="ignore",
+    ):
         a = np.ascontiguousarray(
             np.moveaxis(A, (-2, -1), (0, 1))
         )  # designs last: contiguous vector operations

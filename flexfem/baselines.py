@@ -24,8 +24,8 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 import flexfem
-from flexfem.arrays import Array, brief
-from flexfem.fem.mesh import RESOLUTION, StageMesh, check_triangles
+from flexfem.arrays import Array, short_repr
+from flexfem.fem.mesh import RESOLUTION, PlaneMesh, check_triangles
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
 from flexfem.files.refusals import checked_path, key_path, place_of
@@ -50,7 +50,12 @@ ON_KEPT = 1e-7  # accepted change of a compliance on a stored mesh, relative to 
 FORCE = (1.0, -2.0, 30.0)  # N, N, N mm; unequal components
 AMPLITUDE = (0.05, -0.02, 5e-4)  # mm, mm, rad
 # by model or prefix of the column
-STUDY_GATES = {"analytic": EXACT.relative, "stress": 3e-2, "range": 3e-2, "band": 1e-3}
+STUDY_GATES = {
+    "analytic": EXACT.relative,
+    "stress": 3e-2,
+    "range": 3e-2,
+    "band": 1e-3,
+}
 COARSER_TABLE = 3e-4  # for other columns
 Numbers: TypeAlias = dict[str, Number]  # by path
 
@@ -83,7 +88,7 @@ QUESTIONS: dict[str, Callable[[Any], Result]] = {
 CASES = {"case": "flexfem.paper.baseline"}
 
 
-@brief
+@short_repr
 class Checked(NamedTuple):
     """Compared baselines, and the differences found; the command ends with exit code 1 when there
     are any.
@@ -191,7 +196,11 @@ def _targets(files: Iterable[Path], baselines: Path | None) -> dict[Path, Path]:
     return targets
 
 
-def _made(path: Path, target: Path, reason: str) -> dict[str, Any]:
+def _made(
+    path: Path,
+    target: Path,
+    reason: str,
+) -> dict[str, Any]:
     """Return the content of a new baseline, with the history of the present one."""
     history = read(target)["history"] if target.exists() else []
     now = datetime.now(UTC).isoformat(timespec="seconds")
@@ -263,7 +272,11 @@ def check(path: Path) -> list[str]:
     return [*_moved(path.stem, data["numbers"], dict(numbers_of(source, path.parent)))]
 
 
-def _after_changes(source: Path, path: Path, was: Mapping[str, Any]) -> list[str]:
+def _after_changes(
+    source: Path,
+    path: Path,
+    was: Mapping[str, Any],
+) -> list[str]:
     """Return how far the numbers of each question moved after a change of the input.
 
     Numbers on the stored mesh are left out: the mesh belongs to the input before.
@@ -290,7 +303,11 @@ class _Move(NamedTuple):
     relative: float
 
 
-def _move(key: str, stored: Sequence[Any], number: Number) -> _Move | None:
+def _move(
+    key: str,
+    stored: Sequence[Any],
+    number: Number,
+) -> _Move | None:
     """Return how a number moved, None within its gate."""
     was = float(stored[0]) * number.unit.factor
     change = number.value - was
@@ -300,7 +317,11 @@ def _move(key: str, stored: Sequence[Any], number: Number) -> _Move | None:
     return _Move(key, was, number.value, _unit_after(number), relative)
 
 
-def _said_of_moves(name: str, moved: Sequence[_Move], count: int) -> str:
+def _said_of_moves(
+    name: str,
+    moved: Sequence[_Move],
+    count: int,
+) -> str:
     """Return one line on the numbers of a question, with the one that moved most."""
     if not moved:
         return f"{name}: none of {count} numbers moved"
@@ -324,7 +345,11 @@ def _became(old: Any, new: Any) -> str:
     return f"is gone, was {old}" if new is None else f"was {old}, is {new}"
 
 
-def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Iterator[str]:
+def _moved(
+    name: str,
+    was: Mapping[str, Any],
+    now: Mapping[str, Numbers],
+) -> Iterator[str]:
     """Yield numbers that moved beyond their gates, appeared or disappeared."""
     for question in dict.fromkeys([*was, *now]):
         old = was.get(question, {})
@@ -353,7 +378,11 @@ def _unit_after(number: Number) -> str:
     return f" {number.unit.plain}".rstrip()
 
 
-def _changes(place: str, stored: Sequence[Any], number: Number) -> Iterator[str]:
+def _changes(
+    place: str,
+    stored: Sequence[Any],
+    number: Number,
+) -> Iterator[str]:
     """Yield how a number and its band differ from the stored ones, beyond their gates."""
     unit = _unit_after(number)
     before, *bands = (float(each) * number.unit.factor for each in stored)
@@ -467,12 +496,20 @@ def _by_path(found: Iterable[Number]) -> Numbers:
     return {each.path: each for each in found if not np.isnan(each.value)}
 
 
-def _number(path: str, value: float, accepted: float) -> Number:
+def _number(
+    path: str,
+    value: float,
+    accepted: float,
+) -> Number:
     """Return a number without unit and band."""
     return Number(path, value, np.nan, NONE, accepted, 0.0)
 
 
-def kept(mechanism: Mechanism, path: Path, folder: Path) -> Numbers:
+def kept(
+    mechanism: Mechanism,
+    path: Path,
+    folder: Path,
+) -> Numbers:
     """Return the compliance on the stored mesh, which is made if missing. Raises BadInput when it
     is damaged.
     """
@@ -506,18 +543,18 @@ def _store_mesh(mechanism: Mechanism, place: Path) -> None:
     write_atomically(place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
 
 
-def _mesh_for(mechanism: Mechanism, resolution: int) -> StageMesh:
+def _mesh_for(mechanism: Mechanism, resolution: int) -> PlaneMesh:
     return mesh_layout(mechanism.layout, resolution)
 
 
-def _mesh_of(held: Mapping[str, Any]) -> StageMesh:
+def _mesh_of(held: Mapping[str, Any]) -> PlaneMesh:
     """Return a stored mesh. Raises KeyError, IndexError or ValueError where it is damaged."""
     edges = {name.removeprefix(EDGES): held[name] for name in held if name.startswith(EDGES)}
     triangles = held["triangles"].astype(np.int64)
-    return StageMesh(held["nodes"], triangles, held["bodies"].astype(np.int64), edges)
+    return PlaneMesh(held["nodes"], triangles, held["bodies"].astype(np.int64), edges)
 
 
-def _compliance_on(mechanism: Mechanism, mesh: StageMesh) -> tuple[list[str], Array]:
+def _compliance_on(mechanism: Mechanism, mesh: PlaneMesh) -> tuple[list[str], Array]:
     """Return the names of the ports, and the compliance (ports, ports) on a mesh."""
     ports = [port.label.replace(" ", "_") for port in mechanism.layout.ports]
     return ports, plate_response(mechanism.layout, mesh).compliance

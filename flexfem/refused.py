@@ -42,14 +42,21 @@ class BadInput(Exception):  # noqa: N818  the name says whose error it is
     """
 
     __module__ = "flexfem"  # the public name in tracebacks and documentation
-    located = False
+    has_place = False
 
-    def __init__(self, text: str, place: str = "") -> None:
+    def __init__(
+        self,
+        text: str,
+        place: str = "",
+    ) -> None:
         super().__init__(f"{place}: {text}" if place else text)
-        self.reason, self.located = text, bool(place)
+        self.reason, self.has_place = text, bool(place)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.reason, str(self)[: -len(self.reason) - 2] if self.located else "")
+        return type(self), (
+            self.reason,
+            str(self)[: -len(self.reason) - 2] if self.has_place else "",
+        )
 
 
 class ComputationFailed(Exception):  # noqa: N818

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexfem.arguments import integer
-from flexfem.arrays import brief
+from flexfem.arrays import short_repr
 from flexfem.files.provenance import assumptions_said
 from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
@@ -52,7 +52,7 @@ class Facts(dict[str, Any]):
         return self.text
 
 
-@brief
+@short_repr
 class StudyFindings(NamedTuple):
     """A collected study: its table, the source data of its figures, and the record of each figure
     by name.
@@ -162,7 +162,13 @@ def run_study(
         require_extra_numbers(parts.loaded)
     check_folder(parts.folder)
     with workers_of(max(1, min(count, len(parts.chunks(share)))), scheduler, executor) as pool:
-        run.run_parts(parts, pool, shard=share, retry=retry, say=progress or (lambda text: None))
+        run.run_parts(
+            parts,
+            pool,
+            shard=share,
+            retry=retry,
+            say=progress or (lambda text: None),
+        )
     facts = status_facts(parts, share)
     folder = parts.folder.parents[1]
     where = [] if folder.absolute() == REPORTS.absolute() else ["--output", str(folder)]
@@ -196,7 +202,12 @@ def study_status(study: PathLike, output: PathLike = REPORTS) -> Facts:
     return Facts(facts, _lines(facts))
 
 
-def clean_study(study: PathLike, output: PathLike = REPORTS, *, dry_run: bool = False) -> Facts:
+def clean_study(
+    study: PathLike,
+    output: PathLike = REPORTS,
+    *,
+    dry_run: bool = False,
+) -> Facts:
     """Remove parts of other inputs or versions. Parts of the present study file and versions stay.
 
     Parameters
@@ -257,7 +268,12 @@ def collect_study(
     )
 
 
-def plot_study(study: PathLike, output: PathLike = REPORTS, *, partial: bool = False) -> Facts:
+def plot_study(
+    study: PathLike,
+    output: PathLike = REPORTS,
+    *,
+    partial: bool = False,
+) -> Facts:
     """Collect the table and draw the figures. They are PNG and PDF files; --json prints their
     numbers.
 

@@ -39,7 +39,11 @@ class Plain:
     silent : ignore write errors, because progress on a full or closed stream must not end a run.
     """
 
-    def __init__(self, raw: Any, silent: bool) -> None:
+    def __init__(
+        self,
+        raw: Any,
+        silent: bool,
+    ) -> None:
         self.raw = raw
         self._silent = silent
         if hasattr(raw, "reconfigure"):  # characters that the encoding of the terminal lacks
@@ -122,7 +126,11 @@ class _StopHandlers:
     def __init__(self) -> None:
         self.raised: list[Stopped] = []
 
-    def stop(self, number: int, frame: FrameType | None) -> None:
+    def stop(
+        self,
+        number: int,
+        frame: FrameType | None,
+    ) -> None:
         """Raise Stopped at the first signal; ignore further ones for `ENDING` s, then end at once."""
         if not self.raised:
             self.raised.append(Stopped(number))
@@ -141,7 +149,11 @@ class _StopHandlers:
     def _since_asked(self) -> float:
         return time.monotonic() - self.raised[0].asked
 
-    def _end(self, number: int, frame: FrameType | None) -> None:
+    def _end(
+        self,
+        number: int,
+        frame: FrameType | None,
+    ) -> None:
         if HAS_TIMER and _imports(frame) and self._since_asked < PATIENCE:
             self._end_soon()
         else:
@@ -218,7 +230,7 @@ def reason_of(error: BaseException) -> str:
 
 
 @contextmanager
-def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], None]]:
+def showing_progress(description: str, pause: float = 0.0) -> Iterator[Callable[[str], None]]:
     """Yield a function that shows a progress message.
 
     A terminal shows a spinner, removed at the end. Other streams get a line for each message at

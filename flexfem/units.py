@@ -17,7 +17,15 @@ PLANES = {  # reductions of a stage to a plane problem
     "corrected": "corrected for thickness",
     "three_dimensional": "three dimensions",
 }
-PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: ""}
+PREFIXES = {
+    -18: "a",
+    -15: "f",
+    -12: "p",
+    -9: "n",
+    -6: "µ",
+    -3: "m",
+    0: "",
+}
 ROUND_DOWN = (
     1e-9  # of a power of 1000; a number below it by round-off keeps the prefix of that power
 )

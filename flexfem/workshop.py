@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexfem import arguments
-from flexfem.arrays import brief
+from flexfem.arrays import short_repr
 from flexfem.files.refusals import checked_path, nearest, place_of, shown
 from flexfem.files.toml import require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.importing.departure import drawn_polygon
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, require_no_reading
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.loading import read_drawable
 from flexfem.mechanism.mechanism import Mechanism, of_stage
@@ -109,7 +109,12 @@ def new_stage(
     return NewFiles([*map(str, templates)], commands, [warning])
 
 
-def _templates(path: Path, kind: str | None, case: bool, study: bool) -> dict[Path, _Template]:
+def _templates(
+    path: Path,
+    kind: str | None,
+    case: bool,
+    study: bool,
+) -> dict[Path, _Template]:
     """Return the templates by the files to write. Raises BadInput for options that do not fit."""
     if path.suffix != ".toml":
         raise BadInput(
@@ -135,7 +140,12 @@ def _templates(path: Path, kind: str | None, case: bool, study: bool) -> dict[Pa
     return templates
 
 
-def view(file: Path, *, output: Path | None = None, reading: Reading = NO_READING) -> View:
+def view(
+    file: Path,
+    *,
+    output: Path | None = None,
+    reading: Reading = NO_READING,
+) -> View:
     """Draw a mechanism, or a stage with its dimensions, in a window if possible.
 
     Of an unfinished mechanism file it draws what there is, and names what is missing. Of a drawing
@@ -227,7 +237,11 @@ def _refusal(drawable: _Drawable) -> BadInput | None:
     return None
 
 
-def _draw(ax: Axes, drawable: _Drawable, refusal: BadInput | None) -> None:
+def _draw(
+    ax: Axes,
+    drawable: _Drawable,
+    refusal: BadInput | None,
+) -> None:
     """Draw a mechanism on axes, with the parts at fault in red."""
     from flexfem.plot.plate import plot_plate
 
@@ -236,7 +250,11 @@ def _draw(ax: Axes, drawable: _Drawable, refusal: BadInput | None) -> None:
     _mark(ax, drawable, refusal)
 
 
-def _mark(ax: Axes, drawable: _Drawable, refusal: BadInput | None) -> None:
+def _mark(
+    ax: Axes,
+    drawable: _Drawable,
+    refusal: BadInput | None,
+) -> None:
     from flexfem.plot.drawing import mark_clashes
 
     layout = drawable.file.layout
@@ -279,7 +297,12 @@ class MeshReport(NamedTuple):
     not_stated: list[str]
 
 
-def mesh(mechanism: Mechanism, output: Path, *, resolution: int | None = None) -> MeshReport:
+def mesh(
+    mechanism: Mechanism,
+    output: Path,
+    *,
+    resolution: int | None = None,
+) -> MeshReport:
     """Mesh a stage or a mechanism and write it with groups.
 
     The groups are stage, ground and hub, or bodies, hinges and clamped edges.
@@ -316,20 +339,25 @@ def mesh(mechanism: Mechanism, output: Path, *, resolution: int | None = None) -
     )
 
 
-def write_mesh_of(mechanism: Mechanism, target: Path, resolution: int) -> Any:
+def write_mesh_of(
+    mechanism: Mechanism,
+    target: Path,
+    resolution: int,
+) -> Any:
     """Write a mesh with the groups bodies, hinges and clamped edges; return it."""
     from flexfem.fem.export import write_plate_mesh
     from flexfem.fem.plate_mesh import mesh_layout
 
-    with located(mechanism):
+    with naming_place(mechanism):
         made = mesh_layout(mechanism.layout, resolution)
     write_plate_mesh(made, mechanism.layout, target)
     return made
 
 
-@brief
+@short_repr
 class HingeFormulas(NamedTuple):
-    """Hinge formulas by name with source, freedoms and range, closed forms by hinge shape, and files.
+    """Hinge formulas by name with source, freedoms and range, closed forms by hinge shape, and
+    files.
 
     written : the figures.
     """
@@ -396,7 +424,7 @@ class ShapeEntry(NamedTuple):
     optional_keys: str
 
 
-@brief
+@short_repr
 class Catalogue(NamedTuple):
     """Stacks, materials and shapes of hinges that files may name.
 

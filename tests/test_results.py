@@ -24,7 +24,7 @@ class Trial(Result):
     """A result with every kind of quantity."""
 
     title = "a trial"
-    main = ("pose", {})
+    main_result = ("pose", {})
     labels: ClassVar = {"case": ("cold", "very hot"), "model": ("analytic", "finite elements")}
     mass = Quantity("mass", "kg")
     pose = Quantity(
@@ -288,7 +288,7 @@ class Detailed(Result):
     """A result with a detail and two motions."""
 
     kind_name = "detailed_for_a_test"
-    main = ("motion", {})
+    main_result = ("motion", {})
     motion = Quantity("motion", "motion", ("case", "direction"))
     limit = Quantity("limit", "", ("case", "limit", "direction"), note="1 where it governs")
     matrix = Quantity("matrix", "", ("case",), detail=True, note="of the detail")

@@ -19,7 +19,7 @@ from flexfem import terminal
 from flexfem.fem.mesher import Limit
 from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command
-from flexfem.terminal import Plain, working
+from flexfem.terminal import Plain, showing_progress
 
 from .conftest import ROOT
 
@@ -275,7 +275,7 @@ def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
 
 
 def test_every_step_is_a_line_where_there_is_no_terminal(capsys):
-    with working("refining") as say:
+    with showing_progress("refining") as say:
         say("12 triangles")
         say("40 triangles")
     assert capsys.readouterr().err == "refining: 12 triangles\nrefining: 40 triangles\n"
@@ -283,7 +283,7 @@ def test_every_step_is_a_line_where_there_is_no_terminal(capsys):
 
 def test_work_that_takes_long_says_how_long_and_nothing_after_it_failed(capsys, monkeypatch):
     monkeypatch.setattr(terminal, "EVERY", 0.05)
-    with pytest.raises(ComputationFailed, match="no mesh"), working("meshing"):
+    with pytest.raises(ComputationFailed, match="no mesh"), showing_progress("meshing"):
         time.sleep(0.3)
         raise ComputationFailed("no mesh")
     lines = capsys.readouterr().err.splitlines()

@@ -104,7 +104,12 @@ class _Net:
             at_origin = np.swapaxes(bond.to_axes, -1, -2) @ bond.stiffness @ bond.to_axes
             self._add(*bond.bodies, at_origin)
 
-    def _add(self, one: int, other: int, stiffness: Array) -> None:
+    def _add(
+        self,
+        one: int,
+        other: int,
+        stiffness: Array,
+    ) -> None:
         directions = ((one, other, stiffness), (other, one, np.swapaxes(stiffness, -1, -2)))
         for near, far, value in directions:
             if near != GROUND:

@@ -34,7 +34,12 @@ class Clearance:
     A pair of parts is measured where the displacements of both could close the share `CLOSED` of
     its gap."""
 
-    def __init__(self, layout: Layout, plate: FinitePlate, marks: Array) -> None:
+    def __init__(
+        self,
+        layout: Layout,
+        plate: FinitePlate,
+        marks: Array,
+    ) -> None:
         """`marks` (h, beams + 1): positions of the nodes of every hinge on its axis, mm."""
         self.layout = layout
         self.plate = plate
@@ -52,7 +57,11 @@ class Clearance:
         self.high = np.array([joint.profile.end_height for joint in layout.joints])
         self.known = dict[tuple[int, int], float]()
 
-    def polygon(self, part: int, q: Array) -> Any:
+    def polygon(
+        self,
+        part: int,
+        q: Array,
+    ) -> Any:
         """Return the polygon of a part at unknowns q (size,)."""
         number = part - len(self.bodies)
         if number < 0:
@@ -60,7 +69,11 @@ class Clearance:
         hinges = self.plate.hinges
         return self._hinge(number % hinges, q, ALONG if number < hinges else MIDDLE)
 
-    def _body(self, body: int, q: Array) -> Any:
+    def _body(
+        self,
+        body: int,
+        q: Array,
+    ) -> Any:
         at = self.column.get(body)
         if at is None:
             return self.bodies[body]
@@ -74,7 +87,12 @@ class Clearance:
 
         return shapely.transform(self.bodies[body], moved)
 
-    def _hinge(self, number: int, q: Array, shares: Array) -> Any:
+    def _hinge(
+        self,
+        number: int,
+        q: Array,
+        shares: Array,
+    ) -> Any:
         """Return the polygon of a bent hinge at shares of its length."""
         joint = self.layout.joints[number]
         x = shares * joint.profile.length
@@ -113,7 +131,11 @@ class Clearance:
         found[len(self.bodies) :] = np.tile(2 * furthest, 2)
         return found
 
-    def smallest(self, q: Array, closed: float = CLOSED) -> tuple[float, Gap | None]:
+    def smallest(
+        self,
+        q: Array,
+        closed: float = CLOSED,
+    ) -> tuple[float, Gap | None]:
         """Return the least gap at unknowns q (size,), per gap at rest, and this gap; 1 without one.
 
         closed : the pairs are those of which displacements could close this share of the gap.
@@ -131,7 +153,11 @@ class Clearance:
                 found = gap
         return least, found
 
-    def gap(self, q: Array, parts: tuple[int, int]) -> Gap:
+    def gap(
+        self,
+        q: Array,
+        parts: tuple[int, int],
+    ) -> Gap:
         """Return the gap between two parts at unknowns q (size,)."""
         one, other = parts
         return gap_between(parts, self.polygon(one, q), self.polygon(other, q))
@@ -148,7 +174,11 @@ class Clearance:
             if 0.0 < self.known[pair] <= bound[pair[0]] + bound[pair[1]]:
                 yield pair
 
-    def share_to_contact(self, before: Array, after: Array) -> float | None:
+    def share_to_contact(
+        self,
+        before: Array,
+        after: Array,
+    ) -> float | None:
         """Return the share of the way between two positions q (size,) at which parts touch.
 
         It is None if they do not.
@@ -170,7 +200,12 @@ class Clearance:
         return f"{one!r} and {other!r} at ({gap.place.real:.4g}, {gap.place.imag:.4g}) mm"
 
 
-def _bent(marks: Array, places: AnyArray, headings: Array, x: Array) -> AnyArray:
+def _bent(
+    marks: Array,
+    places: AnyArray,
+    headings: Array,
+    x: Array,
+) -> AnyArray:
     """Return points (m,), complex, mm, of cubic curves through the nodes of a bent hinge.
 
     marks : (n,), mm, positions of the nodes on the axis at rest.

@@ -53,7 +53,13 @@ class FiniteResponse(NamedTuple):
     loads: Array
 
 
-def beam_stiffness(profile: Profile, marks: Array, E: float, nu: float, thickness: float) -> Array:
+def beam_stiffness(
+    profile: Profile,
+    marks: Array,
+    E: float,
+    nu: float,
+    thickness: float,
+) -> Array:
     """Return the stiffness (n, 3, 3) of parts of a profile: elongation, rotations from the chord.
 
     marks : (n + 1,), mm, ends of the parts on the axis of the profile.
@@ -64,7 +70,12 @@ def beam_stiffness(profile: Profile, marks: Array, E: float, nu: float, thicknes
     return np.asarray(np.linalg.inv(flexibility / (E * thickness)))
 
 
-def _beam_flexibility(profile: Profile, start: float, end: float, nu: float) -> Array:
+def _beam_flexibility(
+    profile: Profile,
+    start: float,
+    end: float,
+    nu: float,
+) -> Array:
     """Return the flexibility (3, 3) of one part of a profile, times E and the thickness."""
     flexibility = np.zeros((3, 3))
     inside = [mark for mark in profile.breaks if start < mark < end]
@@ -170,7 +181,11 @@ def _nodes_at_rest(layout: Layout, marks: dict[Profile, Array]) -> BeamNodes:
     return BeamNodes(place, column, arm, centre)
 
 
-def _loaded_points(layout: Layout, ports: Sequence[Port], centre: AnyArray) -> LoadedPoints:
+def _loaded_points(
+    layout: Layout,
+    ports: Sequence[Port],
+    centre: AnyArray,
+) -> LoadedPoints:
     """Return the points of moving bodies where unit loads on ports act."""
     number = {body: k for k, body in enumerate(moving_bodies(layout))}
     port = list[int]()
@@ -187,7 +202,11 @@ def _loaded_points(layout: Layout, ports: Sequence[Port], centre: AnyArray) -> L
     return LoadedPoints(np.array(port), np.array(column), np.array(arm), np.array(wrenches).T)
 
 
-def _stiffness_at_rest(layout: Layout, marks: dict[Profile, Array], hinges: Array | None) -> Array:
+def _stiffness_at_rest(
+    layout: Layout,
+    marks: dict[Profile, Array],
+    hinges: Array | None,
+) -> Array:
     """Return the stiffness (e, 3, 3) of all beams as `beam_stiffness`.
 
     hinges : compliances (h, 3, 3) that the beams get in tension and in bending.
@@ -268,7 +287,11 @@ class FinitePlate:
         strain = np.column_stack([v + np.sum(bent * ends, axis=1) / 2, ends])
         return Beams(arm, length, unit, bent, np.einsum("eij,ej->ei", self.stiffness, strain))
 
-    def energy(self, q: Array, prestress: Array | float = 0.0) -> tuple[Array, Array]:
+    def energy(
+        self,
+        q: Array,
+        prestress: Array | float = 0.0,
+    ) -> tuple[Array, Array]:
         """Gradient and Hessian of the elastic energy at unknowns q (size,).
 
         prestress : (e, 3), tension, N, and end moments, N mm, of the beams at rest.
@@ -300,7 +323,11 @@ class FinitePlate:
         """Return values (h, beams + 1) of nodes at the start and end (e, 2) of each beam."""
         return np.stack([of_nodes[:, :-1].ravel(), of_nodes[:, 1:].ravel()], axis=1)
 
-    def _at_ends(self, beams: Beams, stress: Array) -> tuple[Array, Array]:
+    def _at_ends(
+        self,
+        beams: Beams,
+        stress: Array,
+    ) -> tuple[Array, Array]:
         """Gradient (e, 6) and Hessian (e, 6, 6) of the energy of beams by motions of both ends.
 
         stress : (e, 3), tension, N, and end moments, N mm.
@@ -327,7 +354,11 @@ class FinitePlate:
         K += moment[:, None, None] * (rz + rz.transpose(0, 2, 1))
         return np.einsum("eij,ei->ej", D, forces), K
 
-    def state(self, q: Array, f: Array) -> BeamState:
+    def state(
+        self,
+        q: Array,
+        f: Array,
+    ) -> BeamState:
         """State at unknowns q (size,) under dead loads f (k,).
 
         The second derivatives of the loads come from rotations of arms.
@@ -351,7 +382,11 @@ class FinitePlate:
         np.add.at(loads, (column + 2, port), moment + arm.real * fy - arm.imag * fx)
         return loads
 
-    def _motions(self, q: Array, arm: AnyArray) -> Array:
+    def _motions(
+        self,
+        q: Array,
+        arm: AnyArray,
+    ) -> Array:
         """Return the motions (k,) of the ports at unknowns q (size,); arm (c,), turned."""
         port, column, rest_arm, (fx, fy, moment) = self.loaded
         swung = arm - rest_arm
@@ -366,7 +401,11 @@ class FinitePlate:
         shift = np.abs(step.reshape(-1, 3)[:, :2]).max() / self.extent
         return max(float(np.abs(step[2::3]).max()), float(shift))
 
-    def converged(self, x: Array, step: Callable[[Array], Array]) -> Array | None:
+    def converged(
+        self,
+        x: Array,
+        step: Callable[[Array], Array],
+    ) -> Array | None:
         """Return where Newton's method ends, None if it does not converge.
 
         x : (size + n,), unknowns q and n other numbers, at the start.
@@ -383,7 +422,11 @@ class FinitePlate:
                 return x
         return None
 
-    def equilibrium(self, q: Array, f: Array) -> Array | None:
+    def equilibrium(
+        self,
+        q: Array,
+        f: Array,
+    ) -> Array | None:
         """Unknowns (size,) under dead loads f (k,), from a start q; None as of `converged`."""
 
         def step(q: Array) -> Array:
@@ -474,7 +517,11 @@ def displaced(layout: Layout, loads: Array) -> FiniteResponse:
     return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))
 
 
-def buckling_factors(layout: Layout, loads: Array, held: Sequence[Sequence[int]]) -> Array:
+def buckling_factors(
+    layout: Layout,
+    loads: Array,
+    held: Sequence[Sequence[int]],
+) -> Array:
     """Return the least positive multiples (s,) of loads (s, k) that buckle it; infinite if none.
 
     held : (s), ports whose displacements stay zero under each load, so that they cannot take part
@@ -485,7 +532,12 @@ def buckling_factors(layout: Layout, loads: Array, held: Sequence[Sequence[int]]
     return np.array([load_factors(plate, load, ports, 1)[0] for load, ports in pairs])
 
 
-def load_factors(plate: FinitePlate, load: Array, held: Sequence[int], count: int) -> Array:
+def load_factors(
+    plate: FinitePlate,
+    load: Array,
+    held: Sequence[int],
+    count: int,
+) -> Array:
     """Return the least positive multiples (count,) of a load (k,) at which a mechanism buckles.
 
     There are infinities in place of those that do not exist.

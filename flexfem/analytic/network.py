@@ -106,7 +106,11 @@ class MotionUnderLoads(NamedTuple):
 
 
 @cache
-def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> Topology:
+def topology(
+    bodies: int,
+    output: int,
+    joints: tuple[tuple[int, int], ...],
+) -> Topology:
     """Return the paths between the output, the ground, and bodies with other than two joints.
 
     Raises ValueError for a body that no path leads to.

@@ -182,7 +182,13 @@ class DrivenPlate(FinitePlate):
         wrenches = self.wrenches(self.deformed(q))
         return self.plane_stress(wrenches) * self.stress_ratios(_at_centre(wrenches))
 
-    def driven(self, q: Array, f: Array, ports: Sequence[int], targets: Array) -> PathPoint | None:
+    def driven(
+        self,
+        q: Array,
+        f: Array,
+        ports: Sequence[int],
+        targets: Array,
+    ) -> PathPoint | None:
         """Return the equilibrium with motions (p,) of ports; None as of `converged`.
 
         q, f : unknowns (size,) and forces on the ports (k,) to start from.
@@ -201,7 +207,12 @@ class DrivenPlate(FinitePlate):
         forces[held] = found[self.size :]
         return self.described(found[: self.size], forces, held)
 
-    def described(self, q: Array, f: Array, ports: Sequence[int]) -> PathPoint:
+    def described(
+        self,
+        q: Array,
+        f: Array,
+        ports: Sequence[int],
+    ) -> PathPoint:
         """Return the equilibrium at unknowns (size,) under forces (k,).
 
         ports : those at which forces hold the motions.
@@ -218,13 +229,22 @@ class DrivenPlate(FinitePlate):
             stress = stress * self.stress_ratios(_at_centre(wrenches))
         return PathPoint(q, f, at.motions, stress, softest)
 
-    def curve_point(self, q: Array, f: Array) -> CurvePoint:
+    def curve_point(
+        self,
+        q: Array,
+        f: Array,
+    ) -> CurvePoint:
         """Return the equilibrium at unknowns q (size,) under dead loads (k,)."""
         at = self.state(q, f)
         compliance = at.P.T @ np.linalg.solve(at.K, at.P)
         return CurvePoint(at.motions, f, compliance, self._negative_pivots(at.K), np.nan, q)
 
-    def on_line(self, near: CurvePoint, port: int, line: Line) -> CurvePoint | None:
+    def on_line(
+        self,
+        near: CurvePoint,
+        port: int,
+        line: Line,
+    ) -> CurvePoint | None:
         """Return the equilibrium at which motion u and load f of a port are on a line.
 
         near : an equilibrium to start from.   line : a, b and c of `a u + b f = c`.
@@ -323,7 +343,12 @@ class DrivenPlate(FinitePlate):
             path.extend(following)
         return path.ended(path.last, NO_LIMIT, linear)
 
-    def slopes(self, port: int, held: Sequence[int], scale: float) -> Array:
+    def slopes(
+        self,
+        port: int,
+        held: Sequence[int],
+        scale: float,
+    ) -> Array:
         """Return the force and the highest stress (2,) per displacement of a port at rest."""
         x = SMALL_STEP * scale
         at = _Path(self, [port, *held]).continued(x)
@@ -331,7 +356,12 @@ class DrivenPlate(FinitePlate):
             raise ComputationFailed("no equilibrium near rest: a hinge is far stiffer than others")
         return np.array([at.forces[port] / x, np.max(self.stress(at.unknowns)) / abs(x)])
 
-    def reached(self, port: int, held: Sequence[int], x: float) -> PathPoint | None:
+    def reached(
+        self,
+        port: int,
+        held: Sequence[int],
+        x: float,
+    ) -> PathPoint | None:
         """Return the equilibrium at a displacement of a port, in steps from rest; else None."""
         path = _Path(self, [port, *held])
         done = 0.0
@@ -350,7 +380,11 @@ class DrivenPlate(FinitePlate):
             path.extend(Placed(done * x, found))
         return None
 
-    def least_margin(self, at: PathPoint, limits: PathLimits) -> Margin:
+    def least_margin(
+        self,
+        at: PathPoint,
+        limits: PathLimits,
+    ) -> Margin:
         """Return the limit nearest to an equilibrium: about 1 from it at rest and 0 at it."""
         strength = self.layout.yield_strength
         of_body = limits.body_stress * abs(float(at.forces[limits.port]))
@@ -390,7 +424,11 @@ class _Bracket(NamedTuple):
         """Where the line through both margins is zero."""
         return self.low + (self.high - self.low) * self.below / (self.below - self.above)
 
-    def narrowed(self, x: float, margin: float) -> _Bracket:
+    def narrowed(
+        self,
+        x: float,
+        margin: float,
+    ) -> _Bracket:
         """Return the part of the bracket with a change of sign, from the margin at x."""
         if margin > 0:
             return _Bracket(x, self.high, margin, self.above / 2)
@@ -403,7 +441,11 @@ class _Path:
     The motions of the other ports stay zero. The last three equilibria are kept.
     """
 
-    def __init__(self, plate: DrivenPlate, ports: Sequence[int]) -> None:
+    def __init__(
+        self,
+        plate: DrivenPlate,
+        ports: Sequence[int],
+    ) -> None:
         self.plate = plate
         self.ports = list(ports)
         self.placed = [Placed(0.0, plate.described(*plate.rest, self.ports))]
@@ -446,7 +488,12 @@ class _Path:
         at = self.continued(x)
         return None if at is None else Placed(x, at), True
 
-    def limit_before(self, beyond: Placed, limits: PathLimits, linear: Array) -> PathEnd:
+    def limit_before(
+        self,
+        beyond: Placed,
+        limits: PathLimits,
+        linear: Array,
+    ) -> PathEnd:
         """Return the limit between the last equilibrium and one beyond, by the Illinois method."""
         plate = self.plate
         inside = _Path(plate, self.ports)
@@ -488,7 +535,12 @@ class _Path:
             return end._replace(parts=drive_at_stroke(self.plate.layout, end.at.motions))
         return end
 
-    def ended(self, last: Placed, kind: str, linear: Array) -> PathEnd:
+    def ended(
+        self,
+        last: Placed,
+        kind: str,
+        linear: Array,
+    ) -> PathEnd:
         """Return the end of the path; near it force and stress are powers of the displacement."""
         x, at = last
         port = self.ports[0]

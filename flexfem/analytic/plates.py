@@ -51,7 +51,12 @@ class NetworkResponse(NamedTuple):
 
 
 @lru_cache(4096)
-def hinge_compliance_of(profile: Profile, E: float, nu: float, thickness: float) -> Array:
+def hinge_compliance_of(
+    profile: Profile,
+    E: float,
+    nu: float,
+    thickness: float,
+) -> Array:
     """Return the compliance (3, 3) of a hinge at its centre, computed once for each profile."""
     return profile.compliance(E, nu, thickness)
 
@@ -140,7 +145,11 @@ def _hinge_frames(joints: Sequence[Joint]) -> _HingeFrames:
     return _HingeFrames(origin, np.asarray(np.linalg.inv(to_all_axes), dtype=np.float64))
 
 
-def _contact_wrenches(ports: Sequence[Port], origin: complex, cases: int) -> dict[Patch, Array]:
+def _contact_wrenches(
+    ports: Sequence[Port],
+    origin: complex,
+    cases: int,
+) -> dict[Patch, Array]:
     """Return the wrenches (3, cases) about the origin on every contact, of a unit load per case.
 
     cases : at least one for each port.
@@ -153,7 +162,11 @@ def _contact_wrenches(ports: Sequence[Port], origin: complex, cases: int) -> dic
     return found
 
 
-def _loads_on_bodies(loads: dict[Patch, Array], moving: Sequence[int], cases: int) -> Array:
+def _loads_on_bodies(
+    loads: dict[Patch, Array],
+    moving: Sequence[int],
+    cases: int,
+) -> Array:
     """Return the sums (b, 3, cases) of the wrenches on the contacts of each moving body."""
     found = np.zeros((len(moving), 3, cases))
     for patch, wrenches in loads.items():
@@ -194,7 +207,11 @@ def _interfaces(
     return _Interfaces([end.hinge for end in ends], joined, openings, X.T @ CX)
 
 
-def _internal_motions(parts: Sequence[_Interfaces], hinges: int, cases: int) -> InternalMotions:
+def _internal_motions(
+    parts: Sequence[_Interfaces],
+    hinges: int,
+    cases: int,
+) -> InternalMotions:
     """Return the sums of the motions of elastic bodies."""
     found = InternalMotions(np.zeros((hinges, 3, cases)), np.zeros((cases, cases)))
     for part in parts:
@@ -278,7 +295,7 @@ def _expansions(
     return _Expansions(rates[:count], rates[count:], ground)
 
 
-def warmed(
+def thermal_response(
     layout: Layout,
     expansion: float,
     ground: float,
@@ -322,7 +339,11 @@ def _clamped_motions(layout: Layout, rates: _Expansions) -> dict[int, Array]:
     return found
 
 
-def _warm_openings(layout: Layout, rates: _Expansions, clamps: dict[int, Array]) -> Array:
+def _warm_openings(
+    layout: Layout,
+    rates: _Expansions,
+    clamps: dict[int, Array],
+) -> Array:
     """Return the openings (h, 3, 3 cases) of hinges whose ends do not follow their expansion."""
     moving = moving_bodies(layout)
     openings = np.zeros((len(layout.joints), 3, 3))
@@ -374,7 +395,11 @@ def _mean_expansion(layout: Layout, patch: Patch) -> Array:
     return np.stack([at.real, at.imag, rotation])
 
 
-def body_moments(layout: Layout, body: int, hinges: bool = True) -> AnyArray:
+def body_moments(
+    layout: Layout,
+    body: int,
+    hinges: bool = True,
+) -> AnyArray:
     """Return the integrals (5,) over a body as in `outlines.area_moments`.
 
     With `hinges` the body extends to their centres, else to their ends.
@@ -427,7 +452,11 @@ def hinge_inertia(layout: Layout, joint: Joint) -> Array:
     return np.asarray(to_hinge.T @ own @ to_hinge)
 
 
-def body_inertia(layout: Layout, body: int, with_hinges: bool) -> Array:
+def body_inertia(
+    layout: Layout,
+    body: int,
+    with_hinges: bool,
+) -> Array:
     """Return the mass matrix (3, 3), tonne to tonne mm^2, of a body.
 
     with_hinges : whether the body extends to the centres of its hinges, else to their ends.
@@ -479,7 +508,11 @@ def _masses(layout: Layout, lumped: bool) -> list[tuple[Patch, Array]]:
     return found
 
 
-def _add_hinges(M: Array, layout: Layout, moving: Sequence[int]) -> None:
+def _add_hinges(
+    M: Array,
+    layout: Layout,
+    moving: Sequence[int],
+) -> None:
     """Add the masses of hinges to a matrix whose first rows are the twists of the moving bodies."""
     for joint in layout.joints:
         sides = [side for side in (0, 1) if joint.bodies[side] in moving]
@@ -528,7 +561,7 @@ def weights(layout: Layout) -> tuple[tuple[Port, ...], Array]:
     return tuple(ports), np.array(masses)
 
 
-def weighed(
+def weight_response(
     layout: Layout,
     accelerations: Array,
     bodies: Sequence[ElasticBody] = (),

@@ -64,7 +64,11 @@ def _shown(layout: Layout) -> str:
     return "expected a smaller load" + " or residual stress" * bool(layout.residual_stress)
 
 
-def _equilibrium(plate: FinitePlate, force: Array, shrinkage: float) -> Array:
+def _equilibrium(
+    plate: FinitePlate,
+    force: Array,
+    shrinkage: float,
+) -> Array:
     """Return the unknowns (size,) under a load (k,) and a strain at rest, which grow together."""
 
     def under(q: Array, share: float) -> Array | None:
@@ -77,7 +81,12 @@ def _equilibrium(plate: FinitePlate, force: Array, shrinkage: float) -> Array:
     return q
 
 
-def modes(layout: Layout, load: Array, engaged: bool = False, hinges: Array | None = None) -> Array:
+def modes(
+    layout: Layout,
+    load: Array,
+    engaged: bool = False,
+    hinges: Array | None = None,
+) -> Array:
     """Return natural frequencies (n,), rad/s, ascending, at an equilibrium under preloads.
 
     `plates.modes` does so at rest.

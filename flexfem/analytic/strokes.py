@@ -27,7 +27,11 @@ class Displaced(NamedTuple):
     loads: Array
     stress: Array
 
-    def plus(self, other: Displaced, share: float = 1.0) -> Displaced:
+    def plus(
+        self,
+        other: Displaced,
+        share: float = 1.0,
+    ) -> Displaced:
         """Add a share of another one."""
         return Displaced(*(mine + share * added for mine, added in zip(self, other, strict=True)))
 
@@ -84,7 +88,11 @@ def _springs(plate: DrivenPlate, command: Applied) -> Array:
     return np.where(np.isfinite(command.springs), command.springs, STIFF * own)
 
 
-def _equilibrium(plate: DrivenPlate, q: Array, command: Applied) -> Array | None:
+def _equilibrium(
+    plate: DrivenPlate,
+    q: Array,
+    command: Applied,
+) -> Array | None:
     """Return the unknowns (size,) at a command, from a start; None as of `converged`."""
 
     def step(q: Array) -> Array:

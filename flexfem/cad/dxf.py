@@ -66,7 +66,11 @@ def _add_entities(space: Any, sheet: Sheet) -> None:
         _add_text(space, text, height)
 
 
-def _add_loop(space: Any, loop: list[Segment], layer: str) -> None:
+def _add_loop(
+    space: Any,
+    loop: list[Segment],
+    layer: str,
+) -> None:
     """Add a loop as a circle if it is one, else as lines and arcs, counter-clockwise in DXF."""
     on = {"layer": layer}
     circle = circle_of(loop)
@@ -86,7 +90,11 @@ def _add_loop(space: Any, loop: list[Segment], layer: str) -> None:
         space.add_arc(_point(segment.centre), radius, first, last, dxfattribs=on)
 
 
-def _add_dimension(space: Any, span: Span, height: float) -> None:
+def _add_dimension(
+    space: Any,
+    span: Span,
+    height: float,
+) -> None:
     """Add an aligned dimension, whose length the reader measures."""
     look = {
         "dimtxt": height,
@@ -104,7 +112,11 @@ def _add_dimension(space: Any, span: Span, height: float) -> None:
     space.add_aligned_dim(*ends, distance=span.away, **given).render()
 
 
-def _add_text(space: Any, text: Text, height: float) -> None:
+def _add_text(
+    space: Any,
+    text: Text,
+    height: float,
+) -> None:
     plain = text.text.replace("%%", 2 * "%%%").replace("^", "^ ")  # % and ^ begin control codes
     side = ALIGNMENT.MIDDLE_CENTER if text.is_centred else ALIGNMENT.LEFT
     added = space.add_text(plain, height=height, dxfattribs={"layer": SIZES})

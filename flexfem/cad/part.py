@@ -131,7 +131,11 @@ def _checked_target(output: Path, kerf: float | None) -> Path:
     return target
 
 
-def _warnings(mechanism: Mechanism, kerf: float | None, holes: float | None) -> list[str]:
+def _warnings(
+    mechanism: Mechanism,
+    kerf: float | None,
+    holes: float | None,
+) -> list[str]:
     """Return how the part differs from the models."""
     warnings = list(mechanism.not_exported)
     if holes is not None:

@@ -80,7 +80,11 @@ def _ground(layout: Layout) -> list[list[Segment]]:
     return fixed + [[body.outline[k]] for body in free for k in body.clamped]
 
 
-def _centre_marks(layout: Layout, holes: list[list[Segment]], height: float) -> list[list[Segment]]:
+def _centre_marks(
+    layout: Layout,
+    holes: list[list[Segment]],
+    height: float,
+) -> list[list[Segment]]:
     """Return a cross at the centre of every hinge and round hole."""
     centres = [joint.place for joint in layout.joints]
     for hole in holes:
@@ -91,7 +95,11 @@ def _centre_marks(layout: Layout, holes: list[list[Segment]], height: float) -> 
     return [[Segment(z - half, z + half)] for z in centres for half in halves]
 
 
-def _notes_below(metal: list[list[Segment]], sizes: Dimensions, notes: list[str]) -> list[Text]:
+def _notes_below(
+    metal: list[list[Segment]],
+    sizes: Dimensions,
+    notes: list[str],
+) -> list[Text]:
     """Return lines of notes below the part and its labels."""
     corners = [segment.start for loop in metal for segment in loop]
     lowest = min(z.imag for z in [*corners, *(label.place for label in sizes.labels)])

@@ -22,7 +22,12 @@ DATED = re.compile(r"(FILE_NAME\('[^']*',\s*)'[^']*'")
 NO_DATE = "1970-01-01T00:00:00"
 
 
-def write_step(name: str, layout: Layout, part: Part, path: Path) -> None:
+def write_step(
+    name: str,
+    layout: Layout,
+    part: Part,
+    path: Path,
+) -> None:
     """Write the part as one solid for each piece, from z = 0 to the thickness, and read it back.
 
     Raises ComputationFailed when what is read does not have the part's volume and height in mm,

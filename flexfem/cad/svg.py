@@ -77,7 +77,11 @@ def _add_loop(group: Any, loop: list[Segment]) -> None:
     ElementTree.SubElement(group, "circle", attributes)
 
 
-def _coordinates(x: str, y: str, z: complex) -> dict[str, str]:
+def _coordinates(
+    x: str,
+    y: str,
+    z: complex,
+) -> dict[str, str]:
     return dict(zip((x, y), _pair(z).split(), strict=True))
 
 
@@ -113,7 +117,11 @@ def _add_dimensions(group: Any, sheet: Sheet) -> None:
             _add_text(group, text, place, height, anchor="start")
 
 
-def _add_span(group: Any, span: Span, height: float) -> None:
+def _add_span(
+    group: Any,
+    span: Span,
+    height: float,
+) -> None:
     """Add a dimension line, its extension lines, its arrow heads and its text."""
     start, end = span.line
     for line in ((span.start, start), (span.end, end), (start, end)):

@@ -37,7 +37,11 @@ class _Call(NamedTuple):
     stem: str
 
 
-def called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> Answer:
+def called(
+    name: str,
+    function: Callable[..., Any],
+    given: dict[str, Any],
+) -> Answer:
     """Call the function of a command with the options as given."""
     call = _arguments(name, function, given)
     hints = get_type_hints(function)
@@ -49,7 +53,11 @@ def called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> An
     return Answer(found, call.stem)
 
 
-def _check_ending(function: Callable[..., Any], call: _Call, given: dict[str, Any]) -> None:
+def _check_ending(
+    function: Callable[..., Any],
+    call: _Call,
+    given: dict[str, Any],
+) -> None:
     """Refuse the name of a file that the result of a question about a mechanism cannot give."""
     from flexfem.questions.setup import kind_of_answer
 
@@ -67,11 +75,15 @@ def returns_results(function: Callable[..., Any]) -> bool:
 
 def _progress_of(name: str) -> AbstractContextManager[Any]:
     if name in STUDY:
-        return terminal.working("study", terminal.EVERY)
-    return terminal.working(name)
+        return terminal.showing_progress("study", terminal.EVERY)
+    return terminal.showing_progress(name)
 
 
-def _arguments(name: str, function: Callable[..., Any], given: dict[str, Any]) -> _Call:
+def _arguments(
+    name: str,
+    function: Callable[..., Any],
+    given: dict[str, Any],
+) -> _Call:
     """Return the arguments of a function from the options of its command."""
     hints = get_type_hints(function)
     call = _Call([], {}, name)
@@ -108,7 +120,11 @@ def _loaded(path: Path, reading: Any) -> Any:
     return report.mechanism
 
 
-def _record(kind: Any, function: Callable[..., Any], given: dict[str, Any]) -> Any:
+def _record(
+    kind: Any,
+    function: Callable[..., Any],
+    given: dict[str, Any],
+) -> Any:
     """Return a named tuple of options.
 
     An --output X,Y is the point of the output of a drawing, as of import.
@@ -121,7 +137,11 @@ def _record(kind: Any, function: Callable[..., Any], given: dict[str, Any]) -> A
     return kind(**fields)
 
 
-def _check_size(name: str, motion: Any, mechanism: Any) -> None:
+def _check_size(
+    name: str,
+    motion: Any,
+    mechanism: Any,
+) -> None:
     """Refuse a motion beyond the size of a mechanism, which is likely meant in another unit."""
     import numpy as np
 

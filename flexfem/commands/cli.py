@@ -36,7 +36,7 @@ from flexfem.commands.catalogue import (
 from flexfem.commands.console import All, Json, OutputFolder, OutputOfResult, show
 from flexfem.commands.options import description, made_parameter, options_of
 from flexfem.commands.written import write
-from flexfem.files.inputs import noted
+from flexfem.files.inputs import recording_inputs
 from flexfem.refused import BadInput, ComputationFailed, printed
 from flexfem.sources import ONE_THREAD, manifest, use_own
 from flexfem.study import MOST_WORKERS
@@ -60,7 +60,11 @@ class Commands(TyperGroup):
     groups = GROUPS
     listed = COMMANDS
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+    def parse_args(
+        self,
+        ctx: Any,
+        args: list[str],
+    ) -> list[str]:
         """Refuse arguments after the completion options, which apply to the current shell."""
         if len(args) > 1 and args[0] in COMPLETION:
             ctx.fail(
@@ -73,14 +77,24 @@ class Commands(TyperGroup):
         """Return all names in the order of the groups."""
         return list(self.listed)
 
-    def get_command(self, ctx: Any, name: str) -> Any:
+    def get_command(
+        self,
+        ctx: Any,
+        name: str,
+    ) -> Any:
         """Return the command with a name."""
         if name in self.listed and self.listed[name].function:
             return command(name, self.listed[name].function)
         return super().get_command(ctx, name)
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that the first argument names; refuse an unknown one with similar ones."""
+    def resolve_command(
+        self,
+        ctx: Any,
+        args: list[str],
+    ) -> Any:
+        """Return the command that the first argument names; refuse an unknown one with similar
+        ones.
+        """
         if args and args[0] in RENAMED:
             ctx.fail(f"{args[0]}: this command is now: {RENAMED[args[0]]}")
         if args and args[0] not in self.listed:
@@ -89,7 +103,11 @@ class Commands(TyperGroup):
             ctx.fail(f"No such command '{args[0]}'.{hint}")
         return super().resolve_command(ctx, args)
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
+    def format_commands(
+        self,
+        ctx: Any,
+        formatter: Any,
+    ) -> None:
         """Write the groups, each command with its purpose."""
         for title, group in self.groups.items():
             with formatter.section(title):
@@ -106,7 +124,11 @@ class StudyCommands(Commands):
 class Command(TyperCommand):
     """A command whose options of integers take several after one flag: --resolutions 4 6 8."""
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+    def parse_args(
+        self,
+        ctx: Any,
+        args: list[str],
+    ) -> list[str]:
         """Repeat the flag before every further number; name the replacements of old options."""
         flags = {flag for option in self.params for flag in option.opts}
         for arg in args:
@@ -131,7 +153,11 @@ app = typer.Typer(
     cls=Commands,
     context_settings={"help_option_names": ["--help", "-h"]},  # of all commands
 )
-study = typer.Typer(help=COMMANDS["study"].purpose, no_args_is_help=True, cls=StudyCommands)
+study = typer.Typer(
+    help=COMMANDS["study"].purpose,
+    no_args_is_help=True,
+    cls=StudyCommands,
+)
 app.add_typer(study, name="study")
 
 
@@ -142,7 +168,12 @@ def design(
     ],
     output: OutputFolder = None,
     workers: Annotated[
-        int, typer.Option(min=1, max=MOST_WORKERS, help="Processes for finite elements.")
+        int,
+        typer.Option(
+            min=1,
+            max=MOST_WORKERS,
+            help="Processes for finite elements.",
+        ),
     ] = 1,
     scheduler: Annotated[str | None, typer.Option(help=ON_DASK)] = None,
     json: Json = False,
@@ -156,7 +187,7 @@ def design(
     from flexfem.design.run import run_design
 
     began = time.monotonic()
-    with terminal.working("design", pause=terminal.EVERY) as say:
+    with terminal.showing_progress("design", pause=terminal.EVERY) as say:
         found = run_design(requirements, output, workers, say, scheduler)
     if output is not None:
         from flexfem.plot.write import write_design_figures
@@ -241,7 +272,7 @@ def main() -> None:
     # matrices are small: waiting threads take up to twice the time
     os.environ.update(ONE_THREAD | os.environ)
     ended = Ended(130, "stopped")
-    with terminal.plain_streams(), noted():
+    with terminal.plain_streams(), recording_inputs():
         with suppress(KeyboardInterrupt), terminal.stoppable() as stops:
             ended = _run()
         if stops:  # libraries may have replaced the exception

@@ -73,7 +73,11 @@ def _fields_and_properties(record: Any) -> dict[str, Any]:
     return {**record._asdict(), **{name: getattr(record, name) for name in properties}}
 
 
-def show(found: Any, as_json: bool, whole: bool = False) -> None:
+def show(
+    found: Any,
+    as_json: bool,
+    whole: bool = False,
+) -> None:
     """Print the result of a command as JSON, or as tables and lines; `whole` with all details."""
     if as_json:
         print(json.dumps(plain(found), indent=1, allow_nan=False))
@@ -113,7 +117,11 @@ def _console() -> Console:
     return Console(soft_wrap=not terminal, width=width, **plain_look)
 
 
-def _print_content(out: Console, found: Any, whole: bool) -> None:
+def _print_content(
+    out: Console,
+    found: Any,
+    whole: bool,
+) -> None:
     """Print the tables and sentences of a result, the parts of a named tuple, or a text."""
     from flexfem.results import record_parts
 
@@ -136,7 +144,11 @@ def _print_content(out: Console, found: Any, whole: bool) -> None:
         out.print(str(found))
 
 
-def _print_result(out: Console, found: Any, whole: bool) -> None:
+def _print_result(
+    out: Console,
+    found: Any,
+    whole: bool,
+) -> None:
     """Print the answer of a question, its tables and explanations, and what `--all` adds."""
     answer = found.answer()
     if answer:
@@ -160,7 +172,11 @@ class _Division(NamedTuple):
     gap: int
 
 
-def print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None:
+def print_tables(
+    out: Console,
+    tables: Iterable[TextTable],
+    width: int,
+) -> None:
     """Print tables without rules, each below its caption.
 
     Those wider than `width` are divided into parts with the same rows.
@@ -192,7 +208,11 @@ def _with_short_names(columns: Columns) -> Columns:
     return shortened
 
 
-def _divided(columns: Columns, names: int, width: int) -> _Division:
+def _divided(
+    columns: Columns,
+    names: int,
+    width: int,
+) -> _Division:
     """Divide the columns after those of the names into as few parts as fit a width."""
     tries = [(1, GAP), (1, 1), *((count, GAP) for count in range(2, len(columns)))]
     for count, gap in tries:
@@ -204,7 +224,12 @@ def _divided(columns: Columns, names: int, width: int) -> _Division:
     return _Division(parts, gap)
 
 
-def _print_part(out: Console, columns: Columns, gap: int, show_header: bool) -> None:
+def _print_part(
+    out: Console,
+    columns: Columns,
+    gap: int,
+    show_header: bool,
+) -> None:
     from rich.table import Table
 
     look: dict[str, Any] = {"box": None, "padding": (0, gap, 0, 0), "pad_edge": False}
@@ -214,7 +239,11 @@ def _print_part(out: Console, columns: Columns, gap: int, show_header: bool) -> 
     out.print(table)
 
 
-def _fits(columns: Sequence[Sequence[str]], gap: int, width: int) -> bool:
+def _fits(
+    columns: Sequence[Sequence[str]],
+    gap: int,
+    width: int,
+) -> bool:
     return sum(_width(column) + gap for column in columns) - gap <= width
 
 

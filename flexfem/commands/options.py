@@ -105,7 +105,13 @@ def _options_of_record(kind: Any, function: Function) -> Iterator[inspect.Parame
         yield made_parameter(field, option, kind._field_defaults[field])
 
 
-def _option(name: str, hint: Any, text: str, *flags: str, hidden: bool = False) -> Any:
+def _option(
+    name: str,
+    hint: Any,
+    text: str,
+    *flags: str,
+    hidden: bool = False,
+) -> Any:
     """Return the annotation of an option; numbers of `MEASURED` options may state their units."""
     flags = (f"--{name.replace('_', '-')}", *flags)
     count = str(hint).count("float")
@@ -128,11 +134,21 @@ def _option(name: str, hint: Any, text: str, *flags: str, hidden: bool = False) 
 
     kind: Any = str if count == 1 else tuple[(str,) * count]  # type: ignore[misc]
     metavar = ", ".join(unit.plain for unit in units)
-    option = typer.Option(*flags, help=text, hidden=hidden, callback=numbers, metavar=metavar)
+    option = typer.Option(
+        *flags,
+        help=text,
+        hidden=hidden,
+        callback=numbers,
+        metavar=metavar,
+    )
     return Annotated[kind, option]
 
 
-def made_parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+def made_parameter(
+    name: str,
+    annotation: Any,
+    default: Any,
+) -> inspect.Parameter:
     """Return a keyword parameter of the function that typer calls."""
     kind = inspect.Parameter.KEYWORD_ONLY
     return inspect.Parameter(name, kind, annotation=annotation, default=default)

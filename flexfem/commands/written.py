@@ -51,7 +51,11 @@ def check_ending(path: Path | None, kind: Any) -> None:
     )
 
 
-def write(found: Any, output: Path, stem: str) -> list[Path]:
+def write(
+    found: Any,
+    output: Path,
+    stem: str,
+) -> list[Path]:
     """Write a result to a folder, as files with this stem, or to the file that is named.
 
     Returns the paths. Raises BadInput when a file cannot be written, when the result cannot give
@@ -63,7 +67,12 @@ def write(found: Any, output: Path, stem: str) -> list[Path]:
 
     check_name(output)
     ending = output.suffix.lower()
-    make = {".csv": _csv, ".json": _json, ".html": _html, FIELDS: _fields}.get(ending, _picture)
+    make = {
+        ".csv": _csv,
+        ".json": _json,
+        ".html": _html,
+        FIELDS: _fields,
+    }.get(ending, _picture)
     return make(found, output)
 
 

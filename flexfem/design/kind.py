@@ -36,7 +36,11 @@ class ScatteredDesigns(NamedTuple):
 class ScatterSolver(Protocol):
     """Solver of designs with scattered necks by finite elements."""
 
-    def solve_scattered(self, values: Array, off: Array) -> list[Array]:
+    def solve_scattered(
+        self,
+        values: Array,
+        off: Array,
+    ) -> list[Array]:
         """Return the couplings (3, designs) of a design (d,) with deviations `off` (designs, 3, 3),
         mm, on each mesh.
         """
@@ -76,7 +80,11 @@ class DesignKind:
         """
         return None
 
-    def scattered(self, values: Array, off: Array) -> ScatteredDesigns:
+    def scattered(
+        self,
+        values: Array,
+        off: Array,
+    ) -> ScatteredDesigns:
         """Return the designs of deviations `off` (n, 3, 3) of the necks, mm, from a design (d,)."""
         raise NotImplementedError
 
@@ -84,7 +92,12 @@ class DesignKind:
         """Return relative changes of columns of a design (d,) with the spread of actuator forces."""
         return {}
 
-    def warnings(self, values: Array, columns: Mapping[str, float], first_gap: float) -> list[str]:
+    def warnings(
+        self,
+        values: Array,
+        columns: Mapping[str, float],
+        first_gap: float,
+    ) -> list[str]:
         """Return warnings about a design (d,).
 
         columns : of the design.   first_gap : largest difference of the models in the first round.

@@ -92,7 +92,11 @@ class DesignSpace:
         ]
         return np.column_stack(columns)
 
-    def adjacent(self, k: int, x: float) -> list[float]:
+    def adjacent(
+        self,
+        k: int,
+        x: float,
+    ) -> list[float]:
         """Return the allowed value of dimension k nearest to `x` and those next to it; `x` for a
         continuous one.
         """
@@ -116,7 +120,11 @@ class DesignSpace:
         ]
         return np.unique(np.array(designs), axis=0)
 
-    def _nearest(self, k: int, x: Array) -> AnyArray:
+    def _nearest(
+        self,
+        k: int,
+        x: Array,
+    ) -> AnyArray:
         return np.asarray(np.argmin(np.abs(self.allowed[k] - x[:, None]), axis=1))
 
 
@@ -280,7 +288,11 @@ class Model:
         self.counts["drawn"] += 1
         return family.drawable(values) is not None
 
-    def constraints(self, values: Array, quantities: Array) -> Array:
+    def constraints(
+        self,
+        values: Array,
+        quantities: Array,
+    ) -> Array:
         """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, and rooms of
         the geometric conditions.
         """

@@ -135,7 +135,14 @@ def _history(first: Proposal) -> list[record.Step]:
     history = first.best.history
     shown = np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int)
     steps = [history[k] for k in np.unique(shown)]
-    return [record.Step(evaluations=n, objective=best, missed=missed) for n, best, missed in steps]
+    return [
+        record.Step(
+            evaluations=n,
+            objective=best,
+            missed=missed,
+        )
+        for n, best, missed in steps
+    ]
 
 
 def designed_stage(loaded: LoadedRequirements, values: Array) -> Mechanism:
@@ -159,7 +166,12 @@ def designed_stage(loaded: LoadedRequirements, values: Array) -> Mechanism:
     return mechanism_of(loaded, values).model_copy(update=changes)
 
 
-def _source_of_array(base: Mechanism, path: str, indices: list[int], source: str) -> str:
+def _source_of_array(
+    base: Mechanism,
+    path: str,
+    indices: list[int],
+    source: str,
+) -> str:
     """Return the source of an array some of whose members are designed; it stays assumed if other
     members still are.
     """
@@ -184,8 +196,12 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
     return "finite elements in three dimensions" if loaded.solid else "finite elements"
 
 
-def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[str, Any]:
-    """Return the fields of `Stated` for the quantity with index `k`."""
+def _quantity(
+    verified: Proof,
+    k: int,
+    requested: Objective | Require,
+) -> dict[str, Any]:
+    """Return the fields of `DesignedQuantity` for the quantity with index `k`."""
     loaded = verified.model.loaded
     required = loaded.requirements
     quantity = requested.quantity
@@ -206,12 +222,20 @@ def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[s
     }
 
 
-def _without_round_off(verified: Proof, k: int, quantities: Array) -> float:
+def _without_round_off(
+    verified: Proof,
+    k: int,
+    quantities: Array,
+) -> float:
     value = float(quantities[k])
     return value if abs(value) > verified.round_off[k] else 0.0
 
 
-def _push_spread(verified: Proof, k: int, names: frozenset[str]) -> float | None:
+def _push_spread(
+    verified: Proof,
+    k: int,
+    names: frozenset[str],
+) -> float | None:
     """Return the change of a quantity with the spread of actuator forces; None without engaged
     stiffness in it.
     """
@@ -268,11 +292,21 @@ def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
             missed = float(softened.cost(quantities)[0])
             percent = 100 * missed if missed > ROUND_OFF else 0.0
         title = model.required.title_of(requirement)
-        found.append(record.SoleRelaxation(requirement=title, relax_to=relax_to, percent=percent))
+        found.append(
+            record.SoleRelaxation(
+                requirement=title,
+                relax_to=relax_to,
+                percent=percent,
+            )
+        )
     return found
 
 
-def front_of(model: Model, first: Array, count: int) -> list[Array]:
+def front_of(
+    model: Model,
+    first: Array,
+    count: int,
+) -> list[Array]:
     """Return the designs (d,) of the Pareto front, from the best in the first objective to the best
     in the second.
 
@@ -405,7 +439,11 @@ def _scattered(last: Proof) -> record.Scattered | None:
             notes.append(
                 text + (f"{solved} {couplings.misfit[k]:.2g}" if np.any(couplings.misfit) else "")
             )
-    return record.Scattered(share=share_kept(last, tolerance), stages=SHARED, notes=notes)
+    return record.Scattered(
+        share=share_kept(last, tolerance),
+        stages=SHARED,
+        notes=notes,
+    )
 
 
 def share_kept(verified: Proof, tolerance: Tolerance) -> float:
@@ -428,7 +466,11 @@ def share_kept(verified: Proof, tolerance: Tolerance) -> float:
     )
 
 
-def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) -> list[str]:
+def _warnings(
+    loaded: LoadedRequirements,
+    rounds: list[Proposal],
+    agreed: bool,
+) -> list[str]:
     """Return warnings on rounds without convergence, and those about the design."""
     last = rounds[-1].proof
     warnings = list[str]()

@@ -113,7 +113,11 @@ class ElementSolver:
             n: column_band(n, resolutions, np.array([row[n] for row in by_mesh])) for n in used
         }
 
-    def solve_scattered(self, values: Array, off: Array) -> list[Array]:
+    def solve_scattered(
+        self,
+        values: Array,
+        off: Array,
+    ) -> list[Array]:
         """Return the couplings (3, stages) of a design with neck deviations `off` (stages, 3, 3),
         mm, on each mesh.
         """
@@ -146,7 +150,12 @@ class ElementSolver:
             "ask": tuple(MODEL.sub(self._elements_in_path, path) for path in required.ask),
         }
         if self.loaded.solid:
-            settings |= {"frequencies": None, "life": None, "drift": None, "drive": self._travel}
+            settings |= {
+                "frequencies": None,
+                "life": None,
+                "drift": None,
+                "drive": self._travel,
+            }
         study = self.loaded.study.model_copy(update=settings | dict(changes))
         return replace(self.loaded, study=study)
 
@@ -202,7 +211,11 @@ class ElementSolver:
             with suppress(OSError, ValueError, RecursionError):  # no file, or a torn one
                 self._known[name] = json.loads((self.folder / f"{name}.json").read_text())
 
-    def _keep(self, name: str, row: list[float]) -> None:
+    def _keep(
+        self,
+        name: str,
+        row: list[float],
+    ) -> None:
         """Keep the result of a task; a folder that refuses files is reported when the final results
         are written.
         """
@@ -330,7 +343,11 @@ def keeps_ends(verified: Proof, side: float = 1.0) -> bool:
     return bool(np.all((q - band >= model.low) & (q + band <= model.high)))
 
 
-def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
+def proof(
+    model: Model,
+    solver: ElementSolver,
+    values: Array,
+) -> Proof:
     """Verify a design (d,) by finite elements, and find the corrections that make the model agree
     with them there.
 
@@ -392,7 +409,12 @@ def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
     return np.asarray(model.quantities(one)[0])
 
 
-def _gap(model: Model, predicted: Array, elements: Array, bands: Array) -> float:
+def _gap(
+    model: Model,
+    predicted: Array,
+    elements: Array,
+    bands: Array,
+) -> float:
     """Return the largest difference between prediction and finite elements over the sizes."""
     size = np.maximum(np.abs(elements), model.sizes)
     difference = np.abs(predicted - elements)
@@ -405,7 +427,11 @@ def _gap(model: Model, predicted: Array, elements: Array, bands: Array) -> float
 class _Columns:
     """Columns of a verified design, and its quantities (q,)."""
 
-    def __init__(self, model: Model, columns: dict[str, float]) -> None:
+    def __init__(
+        self,
+        model: Model,
+        columns: dict[str, float],
+    ) -> None:
         self.model = model
         self.columns = columns
         self.quantities = _quantities(model, columns)
@@ -432,7 +458,11 @@ class _Columns:
         ]
         return np.asarray(np.max(np.abs(ends - self.quantities[:, None]), axis=1))
 
-    def _moved(self, widths: Mapping[str, float], signs: Iterable[float]) -> Array:
+    def _moved(
+        self,
+        widths: Mapping[str, float],
+        signs: Iterable[float],
+    ) -> Array:
         """Return the quantities (q,) with columns moved by their widths times signs."""
         moved = {
             name: self.columns[name] + sign * width
@@ -441,7 +471,11 @@ class _Columns:
         return _quantities(self.model, self.columns | moved)
 
 
-def column_band(name: str, resolutions: Array, values: Array) -> float:
+def column_band(
+    name: str,
+    resolutions: Array,
+    values: Array,
+) -> float:
     """Return the mesh band of a column (levels,), coarse to fine, by the rate at which such columns
     converge.
     """

@@ -98,7 +98,11 @@ class Require(Limited):
     named: ClassVar[tuple[str, str]] = ("at_least", "at_most")
 
     quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
-    at_least: End | None = Field(default=None, description="Lower limit", examples=[100.0])
+    at_least: End | None = Field(
+        default=None,
+        description="Lower limit",
+        examples=[100.0],
+    )
     at_most: End | None = Field(
         default=None, description="Upper limit; one or both are needed", examples=[150.0]
     )
@@ -151,11 +155,19 @@ class Tolerance(Table):
     """Independent scatter of the widths of the nine necks."""
 
     neck_um: Scatter = Field(description="Standard deviation of every neck", examples=[5.0])
-    stages: int = Field(default=4000, ge=FEWEST, le=20_000)
+    stages: int = Field(
+        default=4000,
+        ge=FEWEST,
+        le=20_000,
+    )
     """Random stages in the search, the same for every design; the final couplings are those of
     100,000 other stages
     """
-    checked: int = Field(default=0, ge=0, le=1024)
+    checked: int = Field(
+        default=0,
+        ge=0,
+        le=1024,
+    )
     """Number of the other stages that finite elements solve; 0, or >= 8"""
 
     @model_validator(mode="after")
@@ -178,10 +190,19 @@ class Requirements(Asked):
     """Formula of the model, with the stage's own mobility, whose errors are `error_x_percent` and
     the like
     """
-    seed: int = Field(ge=0, lt=2**63, description="Seed of the search", examples=[2003])
+    seed: int = Field(
+        ge=0,
+        lt=2**63,
+        description="Seed of the search",
+        examples=[2003],
+    )
     accuracy_percent: Percent = 0.1
     """Required agreement of the corrected analytic model and finite elements at the optimum"""
-    resolution: int = Field(default=8, ge=8, le=FINEST)
+    resolution: int = Field(
+        default=8,
+        ge=8,
+        le=FINEST,
+    )
     """Triangles across every neck, of the finest of three meshes"""
     front: int = Field(
         default=7, ge=3, le=50, description="With two objectives: number of designs of their front"
@@ -224,7 +245,11 @@ class Requirements(Asked):
     def study(self) -> Study:
         """The study of the free dimensions by the analytic model."""
         shared = {name: getattr(self, name) for name in Asked.model_fields if name != "provenance"}
-        sampling = Sampling(method="sobol", designs=1, seed=0)
+        sampling = Sampling(
+            method="sobol",
+            designs=1,
+            seed=0,
+        )
         return Study.model_construct(
             **shared, model="analytic", sampling=sampling, factor=self.free
         )

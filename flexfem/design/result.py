@@ -32,10 +32,14 @@ CHECK = ["checked by", "uncorrected model"]  # headings
 class Record(BaseModel):
     """Stored data: frozen, without unknown keys."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+    )
 
 
-class Stated(Record):
+class DesignedQuantity(Record):
     """One quantity of the design; zero if symmetry makes it zero up to round-off.
 
     `value` is by finite elements where available; `band` is then its half-width by meshes and
@@ -76,13 +80,13 @@ class Stated(Record):
         return [self.checked_by, f"{self.uncorrected:.6g}"]
 
 
-class Goal(Stated):
+class Goal(DesignedQuantity):
     """An objective, to be maximised or minimised."""
 
     better: Literal["larger", "smaller"]
 
 
-class Requirement(Stated):
+class Requirement(DesignedQuantity):
     """A requirement; percentages are of its `size`, the larger end, or one unit where that is zero.
 
     An `active` requirement limits the objective at the optimum without steps; `tightened_percent`
@@ -388,9 +392,9 @@ class Designed(Record):
         return TextTable(head, rows, 1, "Rounds")
 
     @property
-    def decisive(self) -> list[Stated]:
+    def decisive(self) -> list[DesignedQuantity]:
         """Objectives and active requirements, each quantity once."""
-        by_name = dict[str, Stated]()
+        by_name = dict[str, DesignedQuantity]()
         for quantity in (*self.objectives, *(r for r in self.requirements if r.active)):
             by_name.setdefault(quantity.name, quantity)
         return list(by_name.values())

@@ -117,7 +117,11 @@ def _check_output(loaded: LoadedRequirements, folder: Path) -> None:
         check_name(folder / name, _base_file(loaded), loaded.path)
 
 
-def _write(found: Designed, folder: Path, base: Path) -> None:
+def _write(
+    found: Designed,
+    folder: Path,
+    base: Path,
+) -> None:
     """Write the stage file of a design, those of its front, and the record. Raises BadInput.
 
     Stage files of an earlier, longer front are removed, since they look like designs of this one.

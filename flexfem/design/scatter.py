@@ -18,7 +18,11 @@ CONFIDENCE = 0.95  # of the intervals of the quantiles
 OTHERS = 100_000  # stages, not seen by the search, for the final quantiles
 
 
-def deviations(tolerance: Tolerance, stages: int, seed: int) -> Array:
+def deviations(
+    tolerance: Tolerance,
+    stages: int,
+    seed: int,
+) -> Array:
     """Draw the deviations (stages, 3 chains, 3 hinges) of the nine necks, mm."""
     quantiles = np.clip(monte_carlo(seed, 9, 0, stages), INSIDE, 1.0 - INSIDE)
     return np.asarray(1e-3 * tolerance.neck_um * ndtri(quantiles).reshape(-1, 3, 3))

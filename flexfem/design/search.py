@@ -72,7 +72,11 @@ class BestDesign(NamedTuple):
     history: list[tuple[int, float | None, float]]
 
 
-def optimum(model: Model, near: Array | None = None, everywhere: bool = True) -> BestDesign:
+def optimum(
+    model: Model,
+    near: Array | None = None,
+    everywhere: bool = True,
+) -> BestDesign:
     """Return the best design, with `near` (d,) as an initial guess; without `everywhere` the search
     is local to it.
 
@@ -132,7 +136,11 @@ class _Search:
         evaluations = self.model.counts["analytic"] - self.evaluations_before
         self.history.append((evaluations, objective, float(max(merit / MISSED - 1, 0.0))))
 
-    def _sample(self, count: int, stream: int = 0) -> Array:
+    def _sample(
+        self,
+        count: int,
+        stream: int = 0,
+    ) -> Array:
         """Return a Sobol sample (count, d) in the unit cube."""
         return np.asarray(
             qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + stream)).random(count)
@@ -192,7 +200,11 @@ class _Search:
         candidates = np.vstack([start, self.polished(evolved)])
         return np.asarray(candidates[int(np.argmin(self.merit(candidates)))])
 
-    def on_steps(self, relaxed: Array, near: Array | None) -> tuple[Array, float]:
+    def on_steps(
+        self,
+        relaxed: Array,
+        near: Array | None,
+    ) -> tuple[Array, float]:
         """Return the best design on the steps near the one without steps, or near `near`, and its
         merit.
 
@@ -262,7 +274,11 @@ class _Search:
         self.note(merit)
         return values, merit
 
-    def polished(self, start: Array, free: AnyArray | None = None) -> Array:
+    def polished(
+        self,
+        start: Array,
+        free: AnyArray | None = None,
+    ) -> Array:
         """Return the design (d,) that SLSQP reaches from `start` (d,), or `start` if it is as good.
 
         `free` (d,) marks the variable dimensions, by default all without a list of values. SLSQP
@@ -305,7 +321,12 @@ class _Linearised:
     cost is relative to that of the design.
     """
 
-    def __init__(self, model: Model, design: Array, variable: AnyArray) -> None:
+    def __init__(
+        self,
+        model: Model,
+        design: Array,
+        variable: AnyArray,
+    ) -> None:
         self.model = model
         self.start = model.space.to_unit(design[None])[0]
         self.variable = variable

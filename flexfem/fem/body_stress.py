@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.mesh import StageMesh, outer_sides, shape_functions
+from flexfem.fem.mesh import PlaneMesh, outer_sides, shape_functions
 from flexfem.fem.response import Response
 from flexfem.mechanism.layout import Body, Layout, Patch
 from flexfem.mechanism.plate import mean_width
@@ -40,7 +40,7 @@ def moving_bodies(layout: Layout) -> list[int]:
     return [index for index, body in enumerate(layout.bodies) if not body.fixed]
 
 
-def sharp_corners(mesh: StageMesh, held: Index) -> Index:
+def sharp_corners(mesh: PlaneMesh, held: Index) -> Index:
     """Return the nodes at re-entrant corners of a mesh without radius, and at ends of held edges.
 
     held : nodes that do not move.
@@ -69,7 +69,11 @@ def left_out_within(body: Body) -> float:
     return NEAR * (body.width or mean_width(body))
 
 
-def corners_of_bodies(layout: Layout, mesh: StageMesh, held: Index) -> list[Index]:
+def corners_of_bodies(
+    layout: Layout,
+    mesh: PlaneMesh,
+    held: Index,
+) -> list[Index]:
     """Return the sharp corners of every moving body, those at the ends of its hinges included.
 
     mesh : of the bodies that are not fixed and of the hinges.   held : nodes that do not move.
@@ -81,7 +85,11 @@ def corners_of_bodies(layout: Layout, mesh: StageMesh, held: Index) -> list[Inde
     ]
 
 
-def body_nodes(layout: Layout, mesh: StageMesh, held: Index) -> tuple[Index, ...]:
+def body_nodes(
+    layout: Layout,
+    mesh: PlaneMesh,
+    held: Index,
+) -> tuple[Index, ...]:
     """Return the nodes of every moving body that are not near its sharp corners and loads.
 
     There is at least the farthest one.
@@ -114,7 +122,11 @@ def loaded_patches(layout: Layout, body: int) -> list[Patch]:
     return [patch for patch in contacts if patch.body == body and patch.radius is not None]
 
 
-def body_stress(response: Response, layout: Layout, loads: Array) -> BodyStress:
+def body_stress(
+    response: Response,
+    layout: Layout,
+    loads: Array,
+) -> BodyStress:
     """Return the highest stress of every body, at the nodes of `body_nodes`, under loads.
 
     loads : (..., c), multiples of the cases.
@@ -148,7 +160,12 @@ def _highest_by_node(stress: Array, ratio: float) -> Array:
     return np.asarray(values.reshape(len(values), -1).max(axis=1))
 
 
-def body_loads_apart(layout: Layout, places: Array, number: int, load: Array) -> NDArray[np.bool_]:
+def body_loads_apart(
+    layout: Layout,
+    places: Array,
+    number: int,
+    load: Array,
+) -> NDArray[np.bool_]:
     """Return which places (n, 2), mm, of a moving body are not near loaded points.
 
     load : (c,), on the ports.
@@ -164,7 +181,11 @@ def body_loads_apart(layout: Layout, places: Array, number: int, load: Array) ->
     return away if away.any() else np.ones_like(away)
 
 
-def _loaded_points(layout: Layout, body: int, load: Array) -> list[Patch]:
+def _loaded_points(
+    layout: Layout,
+    body: int,
+    load: Array,
+) -> list[Patch]:
     """Return the points of a body, besides the output, that a load (c,) on the ports loads."""
     found = list[Patch]()
     for number, (_, patch) in enumerate(layout.points[1:], start=1):
@@ -173,7 +194,11 @@ def _loaded_points(layout: Layout, body: int, load: Array) -> list[Patch]:
     return found
 
 
-def point_stress(response: Response, layout: Layout, loads: Array) -> Array:
+def point_stress(
+    response: Response,
+    layout: Layout,
+    loads: Array,
+) -> Array:
     """Return the von Mises stress (..., p), MPa, at the points of a layout under loads.
 
     loads : (..., c), multiples of the cases.
@@ -201,7 +226,11 @@ def point_stress(response: Response, layout: Layout, loads: Array) -> Array:
     return found.reshape(*np.shape(loads)[:-1], len(layout.points))
 
 
-def _interpolation(places: Array, triangles: Index, point: complex) -> tuple[Index, Array]:
+def _interpolation(
+    places: Array,
+    triangles: Index,
+    point: complex,
+) -> tuple[Index, Array]:
     """Return the nodes (6,) of the triangle nearest to a point or around it, and their weights."""
     corners = places[triangles[:, :3]] @ [1, 1j]
     a, b, c = corners.T

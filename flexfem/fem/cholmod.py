@@ -77,7 +77,11 @@ def factorise(K: Any, factor: Any) -> None:
         raise ComputationFailed(SINGULAR) from None
 
 
-def solve(factor: Any, b: Array, system: int = WHOLE) -> Array:
+def solve(
+    factor: Any,
+    b: Array,
+    system: int = WHOLE,
+) -> Array:
     """Solve one of the systems of CHOLMOD for right-hand sides (n, k)."""
     from cvxopt import cholmod, matrix
 
@@ -135,7 +139,11 @@ def trailing(factor: Any, count: int) -> Array:
     return np.asarray(np.tril(L))
 
 
-def _trailing_by_substitution(factor: Any, size: int, count: int) -> Array:
+def _trailing_by_substitution(
+    factor: Any,
+    size: int,
+    count: int,
+) -> Array:
     """Return what `trailing` does as the inverse of the block of the inverse of L."""
     first = size - count
     inverse = np.zeros((count, count))
@@ -179,6 +187,10 @@ def _content(capsule: Any) -> Any:
     return pointer(capsule, name(capsule))
 
 
-def _view(address: int, kind: Any, length: int) -> AnyArray:
+def _view(
+    address: int,
+    kind: Any,
+    length: int,
+) -> AnyArray:
     """Return an array (length,) of the values at an address."""
     return np.ctypeslib.as_array(ctypes.cast(int(address), ctypes.POINTER(kind)), (length,))

@@ -54,14 +54,22 @@ class Contacts(NamedTuple):
         arm = self.arm * turned / np.abs(turned)
         return _ContactMotion(numbers, turned, arm, np.stack([rates.real, rates.imag], axis=1))
 
-    def motions(self, unknowns: Array, near: Array) -> Array:
+    def motions(
+        self,
+        unknowns: Array,
+        near: Array,
+    ) -> Array:
         """Displacements and rotations (k,) of the ports, mm and rad, the latter as of `turns`."""
         numbers, _, arm, _ = self._motion(unknowns)
         moved = numbers[:, 0] + 1j * numbers[:, 1] + arm - self.arm * (1 + 1j * numbers[:, 2])
         motion = np.stack([moved.real, moved.imag, self.turns(unknowns, near)], axis=1)
         return np.asarray(np.einsum("kca,ca->k", self.wrenches, motion))
 
-    def turns(self, unknowns: Array, near: Array) -> Array:
+    def turns(
+        self,
+        unknowns: Array,
+        near: Array,
+    ) -> Array:
         """Rotations (c,) of the parts, rad, that are nearest to given ones."""
         angle = np.angle(self._motion(unknowns).turned)
         return np.asarray(angle + 2 * np.pi * np.round((near - angle) / (2 * np.pi)))
@@ -79,7 +87,11 @@ class Contacts(NamedTuple):
         onto = np.einsum("kca,can->cnk", self.wrenches, slopes)
         return np.asarray(self.gather.T @ onto.reshape(-1, len(self.wrenches)))
 
-    def change_of_loads(self, unknowns: Array, load: Array) -> tuple[Array, Array]:
+    def change_of_loads(
+        self,
+        unknowns: Array,
+        load: Array,
+    ) -> tuple[Array, Array]:
         """Derivative `Y H Y'` of loads (k,) by the unknowns: Y (size, 2 c), and H (2 c, 2 c)."""
         _, _, arm, rates = self._motion(unknowns)
         fx, fy, moment = np.einsum("k,kca->ac", load, self.wrenches)
@@ -95,7 +107,12 @@ class Contacts(NamedTuple):
         at = (4 * np.arange(len(arm))[:, None] + [2, 3]).ravel()
         return self.gather[at].T.toarray(), block_diag(*H)
 
-    def softened(self, solve: Solve, unknowns: Array, load: Array) -> tuple[Solve, int]:
+    def softened(
+        self,
+        solve: Solve,
+        unknowns: Array,
+        load: Array,
+    ) -> tuple[Solve, int]:
         """Solver of a tangent less the derivative of loads (k,), and the negative pivots it adds.
 
         The derivative by the unknowns is a matrix of rank 2 c. The number of negative pivots
@@ -151,7 +168,11 @@ def _wrenches_on(patches: Sequence[Patch], ports: Sequence[Port]) -> Array:
     return found
 
 
-def arm_of(along_x: Array, along_y: Array, moment: Array) -> complex:
+def arm_of(
+    along_x: Array,
+    along_y: Array,
+    moment: Array,
+) -> complex:
     """Return the arm, mm, from the centroid of a contact to its point.
 
     along_x, along_y, moment : (n, 2), nodal forces of `contact_forces`. A force at the point is one

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.mesh import NODES, StageMesh, gradients, quadrature, shape_functions
+from flexfem.fem.mesh import NODES, PlaneMesh, gradients, quadrature, shape_functions
 
 # three points: exact on straight triangles; error 2e-6 on the default mesh, whose own error is 6e-5
 QUADRATURE = 2
@@ -53,7 +53,11 @@ class Plate(NamedTuple):
             poissons_ratio=self.poissons_ratio[triangles],
         )
 
-    def lame(self, axes: int, dimensions: int = 1) -> tuple[Any, Any]:
+    def lame(
+        self,
+        axes: int,
+        dimensions: int = 1,
+    ) -> tuple[Any, Any]:
         """Return the Lame constants lambda and mu, MPa, for 3 axes, or for plane stress with 2.
 
         In plane stress `lambda* = E nu / (1 - nu^2)`, with the same mu.
@@ -152,7 +156,11 @@ def sheet(thickness: float) -> Layers:
     return Layers(np.zeros(1), np.ones((1, 1)), np.zeros((1, 1)), np.array([thickness]), (0,))
 
 
-def mirrored(thickness: float, number: int, surface: float) -> Layers:
+def mirrored(
+    thickness: float,
+    number: int,
+    surface: float,
+) -> Layers:
     """Return layers of the upper half of the thickness, thinner towards the free face.
 
     Integrals cover both halves.
@@ -164,12 +172,20 @@ def mirrored(thickness: float, number: int, surface: float) -> Layers:
     return layered(bounds, (0,), 2)
 
 
-def widening(s: Array, scale: float, total: float) -> Array:
+def widening(
+    s: Array,
+    scale: float,
+    total: float,
+) -> Array:
     """Map s in 0..1 to 0..total: evenly up to about `scale`, then in geometric progression."""
     return np.asarray(scale * np.sinh(np.arcsinh(total / scale) * s))
 
 
-def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layers:
+def layered(
+    bounds: Array,
+    held: tuple[int, ...] = (),
+    copies: int = 1,
+) -> Layers:
     """Return layers with bounds (l + 1,), mm, ascending; integrals are multiplied by `copies`."""
     s, w = np.polynomial.legendre.leggauss(LINE_POINTS)
     psi, slope = segment_functions(s)
@@ -229,7 +245,11 @@ class ElementBatch(NamedTuple):
         shape = (len(own), columns[-1])
         return own, sp.csc_array((np.ones(columns[-1]), rows, columns), shape=shape)
 
-    def slopes(self, line: Layers, fields: Array) -> Array:
+    def slopes(
+        self,
+        line: Layers,
+        fields: Array,
+    ) -> Array:
         """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, *shape), mm.
 
         Displacements relative to the first node are used, so that large rigid motions cancel
@@ -249,7 +269,12 @@ class ElementBatch(NamedTuple):
         slopes = np.concatenate([slopes, along_z[:, :, :, None]], axis=3)
         return np.asarray(slopes.reshape(*slopes.shape[:4], -1))
 
-    def add_forces(self, forces: Array, line: Layers, stress: Array) -> None:
+    def add_forces(
+        self,
+        forces: Array,
+        line: Layers,
+        stress: Array,
+    ) -> None:
         """Add the nodal forces of stresses (k, e, d, d, q z) to `forces` (k, n, ...), N.
 
         They are `f_ia = int s_ab d_b phi_i dV`.
@@ -271,7 +296,11 @@ class ElementBatch(NamedTuple):
         total = assembly @ nodal.reshape(self.triangles.size, -1)
         forces[:, own] += np.moveaxis(total.reshape(len(own), len(forces), *forces.shape[2:]), 1, 0)
 
-    def stiffness(self, plate: Plate, axes: int) -> Array:
+    def stiffness(
+        self,
+        plate: Plate,
+        axes: int,
+    ) -> Array:
         """Coefficients (e, 6, 6, l, d, d) of the l matrices of the line in the stiffness.
 
         They are those between nodes of the plane.
@@ -321,7 +350,7 @@ class ElementBatch(NamedTuple):
         return blocks
 
 
-def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]:
+def integration(mesh: PlaneMesh, degree: int = QUADRATURE) -> list[ElementBatch]:
     """Return all triangles in batches of `CHUNK`, with a quadrature rule of the given degree."""
     points, rule = quadrature(degree)
     phi = shape_functions(points)[0]
@@ -350,7 +379,11 @@ def stress_tensor(plate: Plate, slopes: Array) -> Array:
     return np.asarray(stress)
 
 
-def von_mises(stress: Array, ratio: float = 0.0, across: Array | float = 0.0) -> Array:
+def von_mises(
+    stress: Array,
+    ratio: float = 0.0,
+    across: Array | float = 0.0,
+) -> Array:
     """Von Mises stress (...), MPa, of stresses (..., 3, 3), or (..., 2, 2) in the plane.
 
     In the plane the stress zz is `ratio` (xx + yy) + `across`; in plane strain `ratio` is nu.
@@ -367,7 +400,11 @@ def von_mises(stress: Array, ratio: float = 0.0, across: Array | float = 0.0) ->
     return np.asarray(np.sqrt(0.5 * differences + 3 * shear))
 
 
-def highest_stress(stress: Array, loads: Array, ratio: float) -> Array:
+def highest_stress(
+    stress: Array,
+    loads: Array,
+    ratio: float,
+) -> Array:
     """Highest von Mises stress (n, m), MPa, at every height under loads (n, c) of several cases.
 
     stress : (c, p, 2, 2) or (c, p, m, 3, 3), MPa, of the cases at p nodes.
@@ -398,7 +435,11 @@ class Pairs(NamedTuple):
     number: AnyArray
 
 
-def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_array:
+def assembled(
+    pairs: Pairs,
+    blocks: Iterable[Array],
+    line: Layers,
+) -> sp.csr_array:
     """Assemble the lower triangle of a symmetric matrix.
 
     The unknowns are `Layers.free_components` of every node.
@@ -439,7 +480,11 @@ def _line_matrices(line: Layers) -> Array:
     return np.array([(left * line.weights) @ right.T for left, right in products])
 
 
-def _summed_blocks(pairs: Pairs, blocks: Iterable[Array], size: int) -> Array:
+def _summed_blocks(
+    pairs: Pairs,
+    blocks: Iterable[Array],
+    size: int,
+) -> Array:
     """Sums (size, p) over the triangles of their blocks at every pair of nodes."""
     parts = np.empty((size, len(pairs.number)))
     first = 0
@@ -455,7 +500,7 @@ def _summed_blocks(pairs: Pairs, blocks: Iterable[Array], size: int) -> Array:
 
 
 def nodal_stress(
-    mesh: StageMesh,
+    mesh: PlaneMesh,
     plate: Plate,
     fields: Array,
     chosen: Index | None = None,
@@ -490,7 +535,7 @@ def nodal_stress(
 
 
 def _summed_stress(
-    mesh: StageMesh,
+    mesh: PlaneMesh,
     plate: Plate,
     line: Layers,
     fields: Array,
@@ -520,7 +565,7 @@ def _summed_stress(
 
 
 def part_stresses(
-    mesh: StageMesh,
+    mesh: PlaneMesh,
     plate: Plate,
     fields: Array,
     nodes_of: Sequence[Index],

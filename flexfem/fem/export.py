@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate
-from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.mesh import PlaneMesh, nodes_on
 from flexfem.fem.ports import forces_on_ports, held_nodes, plate_of_layout
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.mechanism.layout import Layout
@@ -21,7 +21,7 @@ GROUPS = ("ground", "hub", "clamped")
 FORMATS = (".msh", ".vtu", ".inp")
 
 
-def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
+def _deck(mesh: PlaneMesh, plate: Plate) -> Iterator[str]:
     """Yield the Abaqus/CalculiX input deck of a plate with a hub, in N, mm, MPa and rad.
 
     It has a linear step for each unit load. The sets are `stage` (elements), `all`, `ground`, `hub`
@@ -46,7 +46,7 @@ def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
     return _lines(mesh, plate, "stage", sets, loads, pose, ties)
 
 
-def _plate_deck(mesh: StageMesh, layout: Layout) -> Iterator[str]:
+def _plate_deck(mesh: PlaneMesh, layout: Layout) -> Iterator[str]:
     """Yield the deck of a mechanism: a step for each unit load on its ports, as nodal forces."""
     loads = (_nodal_forces(force) for force in forces_on_ports(layout, mesh))
     for k, port in enumerate(layout.ports, start=1):
@@ -70,7 +70,7 @@ def _numbers(values: Sequence[int]) -> Iterator[str]:
 
 
 def _lines(
-    mesh: StageMesh,
+    mesh: PlaneMesh,
     plate: Plate,
     name: str,
     sets: Mapping[str, Index],
@@ -124,7 +124,11 @@ def _field(value: float) -> str:
     return f"{value:.12g}"
 
 
-def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
+def write_mesh(
+    mesh: PlaneMesh,
+    plate: Plate,
+    path: Path,
+) -> None:
     """Write a mesh in the format of the file's extension, with groups `stage`, `ground` and `hub`.
 
     An Abaqus or CalculiX deck (.inp) also holds the plate, the clamps, the rigid hub and a step for
@@ -138,7 +142,11 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
     _write(mesh, path, _deck(mesh, plate), cells)
 
 
-def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
+def write_plate_mesh(
+    mesh: PlaneMesh,
+    layout: Layout,
+    path: Path,
+) -> None:
     """Write the mesh of a mechanism in the format of the file's extension.
 
     Its groups are bodies, hinges and clamped edges. An Abaqus or CalculiX deck (.inp) has the nodes
@@ -170,7 +178,7 @@ def _group_names(names: Sequence[str]) -> list[str]:
 
 
 def _write(
-    mesh: StageMesh, path: Path, deck: Iterator[str], cells: Mapping[str, tuple[str, Index]]
+    mesh: PlaneMesh, path: Path, deck: Iterator[str], cells: Mapping[str, tuple[str, Index]]
 ) -> None:
     """Write the lines of `deck` as .inp, the mesh as .vtu, or its `cells` by group as .msh."""
     if path.suffix == ".inp":
@@ -182,7 +190,11 @@ def _write(
         _write_msh(mesh, path, cells)
 
 
-def _write_msh(mesh: StageMesh, path: Path, cells: Mapping[str, tuple[str, Index]]) -> None:
+def _write_msh(
+    mesh: PlaneMesh,
+    path: Path,
+    cells: Mapping[str, tuple[str, Index]],
+) -> None:
     """Write the cells of a mesh by group, each of one kind, as .msh."""
     import meshio
 
@@ -209,7 +221,7 @@ def check_format(path: Path) -> None:
 
 
 def write_vtu(
-    mesh: StageMesh, path: Path, fields: dict[str, Array], heights: Array | None = None
+    mesh: PlaneMesh, path: Path, fields: dict[str, Array], heights: Array | None = None
 ) -> None:
     """Write a mesh with nodal fields (n, ...) as a VTK grid; 1 marks the nodes of `GROUPS`.
 

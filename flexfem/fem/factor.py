@@ -61,7 +61,11 @@ def elimination_order(triangles: AnyArray, count: int) -> Index:
     return np.argsort(place[:count], kind="stable")
 
 
-def factorise(lower: sp.csr_array, order: Index | None = None, last: int = 0) -> Solve:
+def factorise(
+    lower: sp.csr_array,
+    order: Index | None = None,
+    last: int = 0,
+) -> Solve:
     """Factorise a positive definite matrix.
 
     order : of the nodes; None computes that of the unknowns.
@@ -82,7 +86,11 @@ def factorise(lower: sp.csr_array, order: Index | None = None, last: int = 0) ->
     return _Cholesky(K, unknowns, last).solve
 
 
-def _unknown_order(lower: sp.csr_array, order: Index | None, last: int) -> Index:
+def _unknown_order(
+    lower: sp.csr_array,
+    order: Index | None,
+    last: int,
+) -> Index:
     """Return the order of the unknowns: those of the nodes in their order, then the last ones.
 
     order : of the nodes, by default that of minimum degree.
@@ -96,7 +104,11 @@ def _unknown_order(lower: sp.csr_array, order: Index | None, last: int) -> Index
     return np.concatenate([of_nodes.ravel(), np.arange(inner, size)])
 
 
-def pardiso(lower: sp.csr_array, order: Index | None = None, last: int = 0) -> Solve:
+def pardiso(
+    lower: sp.csr_array,
+    order: Index | None = None,
+    last: int = 0,
+) -> Solve:
     """Factorise as `factorise` with PARDISO of MKL on all processors.
 
     The order is that of `factorise` where cvxopt computes it, else that of METIS.
@@ -135,7 +147,12 @@ def _superlu(lower: sp.csr_array, refusal: str) -> Any:
     whole = (lower + sp.tril(lower, -1).T).tocsc()
     options = {"SymmetricMode": True}
     try:
-        return splu(whole, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        return splu(
+            whole,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options=options,
+        )
     except RuntimeError:
         raise ComputationFailed(refusal) from None
 
@@ -172,7 +189,12 @@ class Condensed(NamedTuple):
 class _Cholesky:
     """Factorisation by CHOLMOD with the last unknowns last, for which L is read."""
 
-    def __init__(self, K: Any, order: Index, last: int) -> None:
+    def __init__(
+        self,
+        K: Any,
+        order: Index,
+        last: int,
+    ) -> None:
         size = len(order)
         self.inner = size - last
         self.factor = cholmod.analysed(K, order)
@@ -204,7 +226,11 @@ class _Cholesky:
         return cholmod.solve(self.factor, permuted, cholmod.RESTORE)
 
 
-def condense(lower: sp.csr_array, boundary: int, order: Index | None = None) -> Condensed:
+def condense(
+    lower: sp.csr_array,
+    boundary: int,
+    order: Index | None = None,
+) -> Condensed:
     """Condense a positive definite matrix onto its last unknowns.
 
     order : of the nodes, as in `factorise`. Raises ComputationFailed when the matrix is singular.
@@ -274,7 +300,11 @@ class Factoriser:
         eigenvalues.
     """
 
-    def __init__(self, order: Index | None = None, last: int = 0) -> None:
+    def __init__(
+        self,
+        order: Index | None = None,
+        last: int = 0,
+    ) -> None:
         """`order` and `last` as of `factorise`."""
         self.negative = 0
         self._order = order

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from flexfem.arrays import Array, Index, brief, rotation, turned
+from flexfem.arrays import Array, Index, rotation, short_repr, turned
 from flexfem.refused import ComputationFailed
 
 if TYPE_CHECKING:
@@ -97,13 +97,17 @@ class TooManyTriangles(ComputationFailed):
 class PoorTriangles(ComputationFailed):
     """Triangles whose scaled Jacobian is too small, with `corners` (n, 3, 2), mm."""
 
-    def __init__(self, text: str, corners: Array) -> None:
+    def __init__(
+        self,
+        text: str,
+        corners: Array,
+    ) -> None:
         super().__init__(text)
         self.corners = corners
 
 
-@brief
-class StageMesh(NamedTuple):
+@short_repr
+class PlaneMesh(NamedTuple):
     """Mesh of curved quadratic triangles.
 
     nodes : (n, 2), mm.
@@ -126,16 +130,21 @@ def outer_sides(triangles: Index) -> Index:
     """
     sides = triangles[:, SIDES_OF_TRIANGLE].reshape(-1, 3)
     ends = np.sort(sides[:, :2], axis=1)
-    _, first, counts = np.unique(ends, axis=0, return_index=True, return_counts=True)
+    _, first, counts = np.unique(
+        ends,
+        axis=0,
+        return_index=True,
+        return_counts=True,
+    )
     return np.asarray(sides[first[counts == 1]])
 
 
-def nodes_on(mesh: StageMesh, label: str) -> Index:
+def nodes_on(mesh: PlaneMesh, label: str) -> Index:
     """Return the nodes of the edges with a label, ascending."""
     return np.unique(mesh.edges[label])
 
 
-def ordered(mesh: StageMesh) -> tuple[StageMesh, Index]:
+def ordered(mesh: PlaneMesh) -> tuple[PlaneMesh, Index]:
     """Return the mesh with nodes in scikit-fem order, and the new node indices.
 
     This order has corners, then middles by facet.
@@ -152,7 +161,7 @@ def ordered(mesh: StageMesh) -> tuple[StageMesh, Index]:
     new = np.empty(len(order), dtype=np.int64)
     new[order] = np.arange(len(order))
     edges = {name: new[edge] for name, edge in mesh.edges.items()}
-    return StageMesh(mesh.nodes[order], new[mesh.triangles], mesh.bodies, edges), new
+    return PlaneMesh(mesh.nodes[order], new[mesh.triangles], mesh.bodies, edges), new
 
 
 def by_radius(nodes: Array, edges: Index) -> Index:
@@ -170,7 +179,11 @@ def check_count(triangles: float, subject: str) -> None:
         )
 
 
-def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
+def check_triangles(
+    mesh: PlaneMesh,
+    drawn: float,
+    expected: int = 1,
+) -> None:
     """Raise ComputationFailed unless a mesh has the drawn area, the pieces, and good triangles.
 
     drawn : mm^2.   expected : number of pieces.
@@ -200,7 +213,7 @@ def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
         raise PoorTriangles(text, mesh.nodes[mesh.triangles[quality < LEAST_JACOBIAN, :3]])
 
 
-def _number_of_pieces(mesh: StageMesh) -> int:
+def _number_of_pieces(mesh: PlaneMesh) -> int:
     n = len(mesh.nodes)
     corners = mesh.triangles[:, [0, 1, 2, 0]]
     ends = (corners[:, :3].ravel(), corners[:, 1:].ravel())
@@ -208,7 +221,7 @@ def _number_of_pieces(mesh: StageMesh) -> int:
     return len(np.unique(connected_components(links, directed=False)[1][corners]))
 
 
-def jacobians(mesh: StageMesh) -> Array:
+def jacobians(mesh: PlaneMesh) -> Array:
     """Jacobian determinants (m, 7), mm^2, at the nodes of each triangle, then their mean."""
     (xa, xb), (ya, yb) = _jacobian(mesh.nodes[mesh.triangles], shape_functions(NODES)[1])
     determinants = xa * yb - xb * ya
@@ -224,7 +237,11 @@ def scaled_jacobians(determinants: Array) -> Array:
     return np.asarray(np.min(determinants[:, :6] / determinants[:, 6:], axis=1))
 
 
-def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> StageMesh:
+def mapped(
+    columns: int,
+    rows: int,
+    place: Callable[[Array, Array], Array],
+) -> PlaneMesh:
     """Map a grid of the unit square, with two quadratic triangles per cell.
 
     place : u, v (...) in 0..1 to points (..., 2), mm, with positive Jacobian determinant.
@@ -248,7 +265,7 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
         side: np.stack([n[:-1:2], n[2::2], n[1::2]], axis=-1)
         for side, n in zip(SIDES_OF_SQUARE, lines, strict=True)
     }
-    return ordered(StageMesh(nodes, triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
+    return ordered(PlaneMesh(nodes, triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
 
 
 class Sector(NamedTuple):
@@ -260,7 +277,7 @@ class Sector(NamedTuple):
         120 degrees.
     """
 
-    mesh: StageMesh
+    mesh: PlaneMesh
     behind: Index
     ahead: Index
 
@@ -270,14 +287,14 @@ def sector_rotation(sector: int) -> Array:
     return rotation(sector * SECTOR_TURN)
 
 
-def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
+def welded(sectors: tuple[Sector, ...]) -> tuple[PlaneMesh, list[Index]]:
     """Return the whole mesh of one or three sectors, and the indices of the nodes of each in it."""
     mesh, sector_nodes = joined(sectors)
     mesh, new = ordered(mesh)
     return mesh, [new[numbers] for numbers in sector_nodes]
 
 
-def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
+def joined(sectors: tuple[Sector, ...]) -> tuple[PlaneMesh, list[Index]]:
     """Join sectors as `welded`, but keep the order of nodes.
 
     `cut ahead` of a sector is `cut behind` of the next. The bodies of sector s, from 0, are
@@ -296,11 +313,11 @@ def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
         triangles.append(numbers[part.triangles])
         bodies.append(BODIES_OF_SECTOR * k + part.bodies)
     edges = _edges_of_sectors(parts, sector_nodes)
-    mesh = StageMesh(nodes, np.concatenate(triangles), np.concatenate(bodies), edges)
+    mesh = PlaneMesh(nodes, np.concatenate(triangles), np.concatenate(bodies), edges)
     return mesh, sector_nodes
 
 
-def _edges_of_sectors(parts: list[StageMesh], sector_nodes: list[Index]) -> dict[str, Index]:
+def _edges_of_sectors(parts: list[PlaneMesh], sector_nodes: list[Index]) -> dict[str, Index]:
     """Return the labelled edges of all sectors but the cuts, each neck with its sector from 1."""
     edges: dict[str, list[Index]] = {}
     for sector, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True), start=1):
@@ -311,7 +328,7 @@ def _edges_of_sectors(parts: list[StageMesh], sector_nodes: list[Index]) -> dict
     return {label: np.concatenate(edge) for label, edge in edges.items()}
 
 
-def _numbered_nodes(parts: list[StageMesh]) -> tuple[Index, list[Index]]:
+def _numbered_nodes(parts: list[PlaneMesh]) -> tuple[Index, list[Index]]:
     """Return which nodes of all sectors are kept, and the numbers of the nodes of each among them.
 
     Nodes on a cut are kept once.
@@ -327,8 +344,8 @@ def _numbered_nodes(parts: list[StageMesh]) -> tuple[Index, list[Index]]:
     return kept, [number[first[k] : first[k + 1]] for k in range(SECTORS)]
 
 
-def mesh_of(arrays: NamedArrays) -> StageMesh:
+def mesh_of(arrays: NamedArrays) -> PlaneMesh:
     """Return the mesh in arrays of the mesher."""
     labels = arrays["edge_labels"]
     edges = {str(label): arrays["edges"][labels == label] for label in np.unique(labels)}
-    return StageMesh(arrays["nodes"], arrays["triangles"], arrays["regions"], edges)
+    return PlaneMesh(arrays["nodes"], arrays["triangles"], arrays["regions"], edges)

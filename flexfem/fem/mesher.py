@@ -307,7 +307,12 @@ def _field(field: Any, kind: str, **values: float) -> int:
     return int(tag)
 
 
-def _meshed(mesh: Any, divisions: dict[str, int], sizes: list[int], drawn: _Drawn) -> NamedArrays:
+def _meshed(
+    mesh: Any,
+    divisions: dict[str, int],
+    sizes: list[int],
+    drawn: _Drawn,
+) -> NamedArrays:
     """Mesh what is drawn, with the minimum over the fields of `sizes` as triangle size.
 
     Returns
@@ -338,7 +343,11 @@ def _meshed(mesh: Any, divisions: dict[str, int], sizes: list[int], drawn: _Draw
     }
 
 
-def _set_divisions(mesh: Any, divisions: dict[str, int], curves: Sequence[tuple[str, int]]) -> None:
+def _set_divisions(
+    mesh: Any,
+    divisions: dict[str, int],
+    curves: Sequence[tuple[str, int]],
+) -> None:
     """Divide curves into equal edges, those with one label together into a number of them."""
     pieces = Counter(label for label, _ in curves)
     for label, tag in curves:
@@ -358,7 +367,11 @@ def _used_nodes(mesh: Any, triangles: AnyArray) -> tuple[AnyArray, AnyArray]:
     return xyz.reshape(-1, 3)[used, :2], index
 
 
-def _elements(mesh: Any, kind: tuple[int, int], tag: int) -> AnyArray:
+def _elements(
+    mesh: Any,
+    kind: tuple[int, int],
+    tag: int,
+) -> AnyArray:
     """Return the nodes (e, n) of the elements of a kind on a face or curve."""
     return np.reshape(mesh.getElementsByType(kind[0], tag)[1], (-1, kind[1])).astype(np.int64)
 
@@ -420,13 +433,22 @@ def _ends(curve: Curve) -> tuple[complex, complex]:
     return curve.start, curve.end
 
 
-def _draw_circle(kernel: Any, start: complex, centre: complex) -> int:
+def _draw_circle(
+    kernel: Any,
+    start: complex,
+    centre: complex,
+) -> int:
     spoke = start - centre
     axes = {"zAxis": [0.0, 0.0, 1.0], "xAxis": [spoke.real, spoke.imag, 0.0]}
     return int(kernel.addCircle(centre.real, centre.imag, 0.0, abs(spoke), **axes))
 
 
-def _draw_curve(kernel: Any, curve: Curve, start: int, end: int) -> int:
+def _draw_curve(
+    kernel: Any,
+    curve: Curve,
+    start: int,
+    end: int,
+) -> int:
     if isinstance(curve, Bezier):
         return int(kernel.addBezier([start, *(_point(kernel, z) for z in curve.points[1:-1]), end]))
     if curve.centre is None:
@@ -480,7 +502,11 @@ def _sizes_near(
     return found
 
 
-def _sizes_in(field: Any, largest: Sequence[float], faces: Sequence[Sequence[int]]) -> list[int]:
+def _sizes_in(
+    field: Any,
+    largest: Sequence[float],
+    faces: Sequence[Sequence[int]],
+) -> list[int]:
     """Return fields with the largest sizes, mm, in the faces of each region."""
     found = list[int]()
     for size, part in zip(largest, faces, strict=True):
@@ -585,7 +611,12 @@ def _repeat(model: Any, moves: Sequence[Move]) -> None:
             middles = {tag: at for tag, at in middles.items() if tag not in done}
 
 
-def _image(middles: dict[int, complex], sizes: dict[int, float], first: int, place: complex) -> int:
+def _image(
+    middles: dict[int, complex],
+    sizes: dict[int, float],
+    first: int,
+    place: complex,
+) -> int:
     """Return the face or curve like the first one whose middle is at a place, else itself."""
     for tag, middle in middles.items():
         alike = math.isclose(sizes[tag], sizes[first], rel_tol=SAME_SIZE)
@@ -631,7 +662,11 @@ def _contours(
     return contours
 
 
-def _closed_loop(model: Any, tags: Sequence[int], most: float) -> list[Segment]:
+def _closed_loop(
+    model: Any,
+    tags: Sequence[int],
+    most: float,
+) -> list[Segment]:
     """Return the curves with these tags as lines and arcs, each from where the one before ends."""
     ends = {tag: model.getBoundary([(1, tag)], combined=False, oriented=False) for tag in tags}
     at = ends[tags[0]][0]
@@ -665,13 +700,21 @@ class _CurveOnModel(NamedTuple):
         """Return the derivatives (n,) by the parameter, complex."""
         return self._values(self.model.getDerivative, shares)
 
-    def _values(self, of: Any, shares: AnyArray) -> AnyArray:
+    def _values(
+        self,
+        of: Any,
+        shares: AnyArray,
+    ) -> AnyArray:
         parameters = self.low + (self.high - self.low) * shares
         x, y, _ = np.reshape(of(1, self.tag, parameters), (-1, 3)).T
         return np.asarray(x + 1j * y)
 
 
-def _arcs(model: Any, tag: int, most: float) -> list[Segment]:
+def _arcs(
+    model: Any,
+    tag: int,
+    most: float,
+) -> list[Segment]:
     """Return a curve as lines and arcs from its start to its end."""
     (low,), (high,) = model.getParametrizationBounds(1, tag)
     curve = _CurveOnModel(model, tag, low, high)
@@ -715,7 +758,11 @@ def _arcs_through(curve: _CurveOnModel, count: int) -> tuple[list[Segment], floa
     return arcs, error
 
 
-def _centres(start: AnyArray, middle: AnyArray, end: AnyArray) -> tuple[AnyArray, AnyArray]:
+def _centres(
+    start: AnyArray,
+    middle: AnyArray,
+    end: AnyArray,
+) -> tuple[AnyArray, AnyArray]:
     """Return the centres of circles through three points (n,), and which three are on a line."""
     u = middle - start
     v = end - start
@@ -806,7 +853,11 @@ def _limited_memory() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
-def _names_of_solids(model: Any, solids: Sequence[int], path: str) -> list[str]:
+def _names_of_solids(
+    model: Any,
+    solids: Sequence[int],
+    path: str,
+) -> list[str]:
     """Return the names of solids in the order of the file: of their products, else their own."""
     names = [model.getEntityName(3, tag).rpartition("/")[2] for tag in solids]
     if not any(names):
@@ -833,7 +884,11 @@ class _SolidFace(NamedTuple):
     point: AnyArray
 
     @classmethod
-    def of(cls, model: Any, tag: int) -> _SolidFace:
+    def of(
+        cls,
+        model: Any,
+        tag: int,
+    ) -> _SolidFace:
         """Return the face of a tag."""
         low, high = model.getParametrizationBounds(2, tag)
         shares = np.linspace(0.03, 0.97, 5)
@@ -904,7 +959,11 @@ def _sides_across(planes: Sequence[_SolidFace], normal: AnyArray) -> _Sides | No
     return _Sides(normal, min(one, other), max(one, other))
 
 
-def _lay_flat(kernel: Any, solid: tuple[int, int], sides: _Sides) -> None:
+def _lay_flat(
+    kernel: Any,
+    solid: tuple[int, int],
+    sides: _Sides,
+) -> None:
     """Turn a plate by the smallest angle so that its normal is along z, and its middle at z = 0."""
     axis = np.cross(sides.normal, (0.0, 0.0, 1.0))
     sine = float(np.linalg.norm(axis))
@@ -1006,11 +1065,19 @@ class _Process:
     def alive(self) -> bool:
         return self._child.poll() is None
 
-    def run(self, request: Request, limit: Limit) -> Any:
+    def run(
+        self,
+        request: Request,
+        limit: Limit,
+    ) -> Any:
         """Serve a request as `run_mesher`; time while flexfem is suspended does not count."""
         self._request = pickle.dumps(request)
         received = list[Any]()
-        exchange = Thread(target=self._exchange, args=(received,), daemon=True)
+        exchange = Thread(
+            target=self._exchange,
+            args=(received,),
+            daemon=True,
+        )
         allowed = limit.left
         exchange.start()
         limit.start()

@@ -15,7 +15,7 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.elements import Layers, Plate
 from flexfem.fem.factor import Solve
-from flexfem.fem.mesh import SECTORS, Sector, StageMesh, joined, sector_rotation
+from flexfem.fem.mesh import SECTORS, PlaneMesh, Sector, joined, sector_rotation
 from flexfem.fem.response import factorised_sectors
 from flexfem.fem.structure import Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import Space, full_space, whole_fields
@@ -68,7 +68,7 @@ class Modes(NamedTuple):
     structure: Structure
 
     @property
-    def mesh(self) -> StageMesh:
+    def mesh(self) -> PlaneMesh:
         return self.structure.mesh
 
     @property
@@ -100,7 +100,11 @@ def vibrating_structure(
     return VibratingStructure(mass, space._replace(solve=_with_stacks(space.solve, P, k)), P, k)
 
 
-def _with_stacks(solve: Solve, P: Array, k: Array) -> Solve:
+def _with_stacks(
+    solve: Solve,
+    P: Array,
+    k: Array,
+) -> Solve:
     """Return the inverse of `K + P k P'`.
 
     By Woodbury it is `K^-1 - X (1 + k P' X)^-1 k X'` with `X = K^-1 P`.
@@ -208,7 +212,11 @@ def _motions_of_sectors(alike: Array, pairs: Array) -> list[Array]:
     return [np.hstack([single, *np.tensordot(turn, vector, axes=1)]) for turn in turns]
 
 
-def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Array, Array]:
+def _ritz(
+    space: Space,
+    vibrating: VibratingStructure,
+    count: int,
+) -> tuple[Array, Array]:
     """Squared frequencies (k,) and modes of unit modal mass (m, k), (m, 2 k) if complex."""
     from scipy.sparse.linalg import LinearOperator
 
@@ -233,7 +241,11 @@ def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Arra
     return squares, motion / np.sqrt(np.tile(mass, motion.shape[1] // count))
 
 
-def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
+def lowest(
+    solve: Solve,
+    mass: LinearOperator,
+    count: int,
+) -> tuple[Array, Any]:
     """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK.
 
     solve : K^-1.
@@ -257,7 +269,12 @@ def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
     return values[order], vectors[:, order]
 
 
-def _ordered_modes(squares: Array, shapes: Array, mass: Mass, count: int) -> Modes:
+def _ordered_modes(
+    squares: Array,
+    shapes: Array,
+    mass: Mass,
+    count: int,
+) -> Modes:
     """Return the first `count` modes by ascending frequency, with their signs normalised.
 
     Pairs of equal frequency are aligned with x and y.

@@ -25,7 +25,7 @@ from flexfem.fem.elements import (
     von_mises,
 )
 from flexfem.fem.factor import Factoriser, Solve
-from flexfem.fem.mesh import StageMesh, outer_sides
+from flexfem.fem.mesh import PlaneMesh, outer_sides
 from flexfem.fem.ports import PlateModel
 from flexfem.fem.structure import Structure, structure
 from flexfem.mechanism.curves import CurvePoint, Line
@@ -54,7 +54,12 @@ def green_lagrange(slopes: Array) -> Array:
     return np.asarray((slopes + np.swapaxes(slopes, -3, -2) + product) / 2)
 
 
-def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Array) -> Array:
+def tangent_blocks(
+    batch: ElementBatch,
+    plate: Plate,
+    slopes: Array,
+    stress: Array,
+) -> Array:
     """Tangent (e, 6, 6, 1, 2, 2) per thickness.
 
     slopes, stress : (e, 2, 2, q), gradients H and second Piola-Kirchhoff stress S.
@@ -162,13 +167,21 @@ class LargeStructure:
             return np.eye(size, 3, 3 - size)
         return self.contacts.loads(self._unknowns(state))
 
-    def turns(self, field: Array, near: Array) -> Array:
+    def turns(
+        self,
+        field: Array,
+        near: Array,
+    ) -> Array:
         """Rotations (c,) of the contacts, rad, for displacements (n, 2), nearest to given ones."""
         if self.contacts is None:
             return near
         return self.contacts.turns(field[self.structure.free].ravel(), near)
 
-    def solver(self, state: State, load: Array) -> Solve:
+    def solver(
+        self,
+        state: State,
+        load: Array,
+    ) -> Solve:
         """Inverse of the derivative of internal forces less loads (k,)."""
         solve = self.factorise(self.tangent(state))
         self.negative = self.factorise.negative
@@ -193,7 +206,11 @@ class LargeStructure:
         """Derivative (2h, 3) of the displacements of the hub nodes with respect to the pose."""
         return np.reshape(self.structure.line.rigid(self.hub_motion(pose)[1]), (-1, 3))
 
-    def at(self, pose: Array, field: Array) -> State:
+    def at(
+        self,
+        pose: Array,
+        field: Array,
+    ) -> State:
         """Return the state of displacements (n, 2), mm, with the hub at a pose."""
         field = field.copy()
         field[self.structure.hub] = self.hub_motion(pose)[0]
@@ -214,11 +231,19 @@ class LargeStructure:
         pairs = zip(self.structure.batches, strains, strict=True)
         return [self.stress_of(batch, strain) for batch, strain in pairs]
 
-    def stress_of(self, batch: ElementBatch, strain: Array) -> Array:
+    def stress_of(
+        self,
+        batch: ElementBatch,
+        strain: Array,
+    ) -> Array:
         """Second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of strains, with the residual stress."""
         return stress_tensor(self.structure.plate.of(batch.numbers), strain + self.initial)
 
-    def nodal(self, state: State, slopes: list[Array]) -> Array:
+    def nodal(
+        self,
+        state: State,
+        slopes: list[Array],
+    ) -> Array:
         """Nodal forces (n, 2), N, that balance the stress of a state.
 
         slopes : displacement gradients of each batch.
@@ -284,7 +309,11 @@ class Equilibria(NamedTuple):
     strain: Array
 
 
-def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
+def equilibrium(
+    mesh: PlaneMesh,
+    plate: Plate,
+    loads: Array,
+) -> Equilibria:
     """Compute equilibria under dead loads (k, 3) or (3,) on the hub, each from the one before.
 
     The first is found from rest. A load is a force, N, of fixed direction at the moving platform
@@ -308,12 +337,20 @@ def equilibria(model: PlateModel, loads: Array) -> Equilibria:
     return _equilibria(LargeStructure(model.structure, contacts(model)), loads)
 
 
-def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
+def imposed(
+    mesh: PlaneMesh,
+    plate: Plate,
+    poses: Array,
+) -> Equilibria:
     """Compute equilibria as `equilibrium` with the hub held at poses (k, 3) or (3,), mm and rad."""
     return _equilibria(LargeStructure(structure(mesh, plate)), poses, ALL)
 
 
-def driven(model: PlateModel, ports: Sequence[int], motions: Array) -> Equilibria:
+def driven(
+    model: PlateModel,
+    ports: Sequence[int],
+    motions: Array,
+) -> Equilibria:
     """Compute equilibria as `equilibrium` of a plane plate whose ports (p,) are held at motions.
 
     motions : (s, p), mm and rad.
@@ -351,7 +388,11 @@ def tangent_at(model: PlateModel, load: Array) -> PlateTangent:
 class PulledElements:
     """Finite elements of a plane plate under a load on one port, at points of a curve."""
 
-    def __init__(self, model: PlateModel, port: int) -> None:
+    def __init__(
+        self,
+        model: PlateModel,
+        port: int,
+    ) -> None:
         self.port = port
         self.large = LargeStructure(model.structure, contacts(model))
 
@@ -363,7 +404,11 @@ class PulledElements:
         compliance = loads.T @ large.solver(state, state.load)(loads)
         return CurvePoint(large.motions(state), state.load, compliance, 0, 0.0, state)
 
-    def on_line(self, near: CurvePoint, line: Line) -> CurvePoint | None:
+    def on_line(
+        self,
+        near: CurvePoint,
+        line: Line,
+    ) -> CurvePoint | None:
         """Return the equilibrium at which motion u and load f of the port are on a line.
 
         near : an equilibrium to start from.   line : a, b and c of `a u + b f = c`.
@@ -414,7 +459,11 @@ def stress_in_parts(model: PlateModel, field: Array) -> tuple[Array, Array]:
     return highest[:hinges], highest[hinges:]
 
 
-def gap_of_parts(model: PlateModel, field: Array, parts: tuple[int, int]) -> float:
+def gap_of_parts(
+    model: PlateModel,
+    field: Array,
+    parts: tuple[int, int],
+) -> float:
     """Return the distance, mm, of the edges of two parts; zero where they overlap.
 
     field : (n, 2), mm, displacements.
@@ -451,7 +500,11 @@ class _Step(NamedTuple):
     solve: Solve
 
 
-def _equilibria(model: LargeStructure, targets: Array, held: Sequence[int] = ()) -> Equilibria:
+def _equilibria(
+    model: LargeStructure,
+    targets: Array,
+    held: Sequence[int] = (),
+) -> Equilibria:
     """Return the equilibria at loads (s, k) or (k,), or at motions (s, p) or (p,) of ports."""
     targets = np.atleast_2d(np.asarray(targets, dtype=float))
     state = model.at_rest()
@@ -620,7 +673,11 @@ def _predicted_stress(
     return stress, float(largest)
 
 
-def _entries(model: LargeStructure, step: _Step, held: Sequence[int]) -> tuple[Any, ...]:
+def _entries(
+    model: LargeStructure,
+    step: _Step,
+    held: Sequence[int],
+) -> tuple[Any, ...]:
     """Return a row of `Equilibria` in the order of its fields."""
     internal = model.internal(step.state)
     state = step.state

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.mesh import PlaneMesh, nodes_on
 from flexfem.fem.ports import contact_forces, plate_of_layout
 from flexfem.fem.response import factorised_whole
 from flexfem.fem.structure import NONE, structure
@@ -45,7 +45,7 @@ class _Marks(NamedTuple):
     kinds: AnyArray
 
 
-def body_compliances(layout: Layout, mesh: StageMesh) -> tuple[ElasticBody, ...]:
+def body_compliances(layout: Layout, mesh: PlaneMesh) -> tuple[ElasticBody, ...]:
     """Compliances of all bodies that are not fixed, in their order.
 
     Of bodies that are equal up to a rotation, shift or mirror image, the one with most patches is
@@ -128,7 +128,7 @@ def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
     return None
 
 
-def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
+def hinge_compliances(layout: Layout, mesh: PlaneMesh) -> Array:
     """Compliances (h, 3, 3) of all hinges as `Profile.compliance`.
 
     mesh : as for `body_compliances`.
@@ -144,7 +144,11 @@ def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
     return np.array([found[kind] for kind in kinds]).reshape(-1, 3, 3)
 
 
-def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
+def _hinge(
+    layout: Layout,
+    mesh: PlaneMesh,
+    number: int,
+) -> Array:
     joint = layout.joints[number]
     part = body_mesh(mesh, len(layout.bodies) + number)
     z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
@@ -158,12 +162,12 @@ def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
     return C
 
 
-def body_mesh(mesh: StageMesh, body: int) -> StageMesh:
+def body_mesh(mesh: PlaneMesh, body: int) -> PlaneMesh:
     """Return the triangles of a body with their nodes and the edges on it."""
     return part_mesh(mesh, mesh.bodies == body)[0]
 
 
-def part_mesh(mesh: StageMesh, chosen: NDArray[np.bool_]) -> tuple[StageMesh, Index]:
+def part_mesh(mesh: PlaneMesh, chosen: NDArray[np.bool_]) -> tuple[PlaneMesh, Index]:
     """Return chosen triangles (m,) with their nodes and edges, and the numbers of all nodes there.
 
     The numbers (n,) are -1 for nodes that are not there.
@@ -174,12 +178,16 @@ def part_mesh(mesh: StageMesh, chosen: NDArray[np.bool_]) -> tuple[StageMesh, In
     edges = {
         name: number[edge[np.all(number[edge] >= 0, axis=1)]] for name, edge in mesh.edges.items()
     }
-    return StageMesh(
+    return PlaneMesh(
         mesh.nodes[used], number[mesh.triangles[chosen]], mesh.bodies[chosen], edges
     ), number
 
 
-def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:
+def _elastic_body(
+    layout: Layout,
+    mesh: PlaneMesh,
+    body: int,
+) -> ElasticBody:
     at = interfaces(layout, body)
     part = body_mesh(mesh, body)
     clamped = bool(layout.bodies[body].clamped)

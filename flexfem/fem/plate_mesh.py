@@ -14,8 +14,8 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.mesh import (
+    PlaneMesh,
     PoorTriangles,
-    StageMesh,
     TooManyTriangles,
     check_count,
     check_triangles,
@@ -69,7 +69,7 @@ def regions_of(layout: Layout, circles: bool = False) -> list[Region]:
     return found + [Region([joint_loop(joint)], []) for joint in layout.joints]
 
 
-def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
+def mesh_layout(layout: Layout, resolution: int) -> PlaneMesh:
     """Return the mesh of a plate mechanism with a number of triangles across a neck.
 
     Its `bodies` are indices of bodies of the layout, and of its hinges plus the number of bodies.
@@ -88,13 +88,21 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
     if moves:
         regions, dividing = divided(layout, drawing.regions, moves)
         lines = [*drawing.lines, *dividing]
-        symmetric = drawing._replace(regions=regions, lines=lines, moves=moves)
+        symmetric = drawing._replace(
+            regions=regions,
+            lines=lines,
+            moves=moves,
+        )
         with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh without symmetry, then
             return _accepted(layout, symmetric, drawing.divisions, LOCAL_ATTEMPTS)
     return _accepted(layout, drawing, drawing.divisions, ATTEMPTS)
 
 
-def _drawing(layout: Layout, resolution: int, moves: Sequence[Move]) -> PlateMesh:
+def _drawing(
+    layout: Layout,
+    resolution: int,
+    moves: Sequence[Move],
+) -> PlateMesh:
     """Return the drawing of a plate without its symmetry, and the sizes of triangles."""
     bodies = len(layout.bodies)
     necks = list[Line]()
@@ -159,14 +167,19 @@ def _largest_sizes(layout: Layout, resolution: int) -> list[float]:
     return found + [joint.profile.end_height * COARSEST / resolution for joint in layout.joints]
 
 
-def _accepted(layout: Layout, job: PlateMesh, across: dict[str, int], attempts: int) -> StageMesh:
+def _accepted(
+    layout: Layout,
+    job: PlateMesh,
+    across: dict[str, int],
+    attempts: int,
+) -> PlaneMesh:
     """Return the first mesh that passes its checks.
 
     across : least number of triangles across each neck.
     """
     time_limit = TIME_LIMIT + TIME_PER_TRIANGLE * triangles_needed(layout)
 
-    def mesh(job: PlateMesh) -> StageMesh:
+    def mesh(job: PlateMesh) -> PlaneMesh:
         return _checked(layout, run_mesher(job, time_limit), across)
 
     return first_good(job, mesh, _next_attempt, attempts)
@@ -189,10 +202,18 @@ def _next_attempt(job: PlateMesh, failure: ComputationFailed) -> PlateMesh | Non
     ]
     largest = [FINER * size for size in job.largest]
     algorithm = OTHER_ALGORITHM[job.algorithm]
-    return job._replace(gradings=gradings, largest=largest, algorithm=algorithm)
+    return job._replace(
+        gradings=gradings,
+        largest=largest,
+        algorithm=algorithm,
+    )
 
 
-def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> StageMesh:
+def _checked(
+    layout: Layout,
+    arrays: NamedArrays,
+    divisions: dict[str, int],
+) -> PlaneMesh:
     """Return the mesh of a plate.
 
     Raises ComputationFailed unless it is the drawn plate, with all hinges and clamped edges.
@@ -222,7 +243,11 @@ def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> 
     return ordered(mesh)[0]
 
 
-def _check_areas(mesh: StageMesh, drawn: Array, names: Sequence[str]) -> None:
+def _check_areas(
+    mesh: PlaneMesh,
+    drawn: Array,
+    names: Sequence[str],
+) -> None:
     """Raise ComputationFailed unless every part has its drawn area (parts,), mm^2."""
     meshed = np.bincount(mesh.bodies, jacobians(mesh)[:, -1] / 2, minlength=len(drawn))
     worst = int(np.argmax(np.abs(meshed / drawn - 1)))

@@ -84,7 +84,11 @@ def _seen(marks: Sequence[_Mark], moved: AnyArray) -> set[tuple[Hashable, ...]]:
     return {(mark.kind, *row) for mark, row in zip(marks, rows, strict=True)}
 
 
-def _rotations(marks: Sequence[_Mark], about: complex, count: int) -> list[Move]:
+def _rotations(
+    marks: Sequence[_Mark],
+    about: complex,
+    count: int,
+) -> list[Move]:
     """Return the rotations about a point, as many as possible; `count` is a multiple of them."""
     z = _relative(marks, about)
     for turns in range(count, 1, -1):
@@ -114,7 +118,11 @@ class DividedRegions(NamedTuple):
     lines: list[Line]
 
 
-def divided(layout: Layout, regions: list[Region], moves: list[Move]) -> DividedRegions:
+def divided(
+    layout: Layout,
+    regions: list[Region],
+    moves: list[Move],
+) -> DividedRegions:
     """Divide the regions of a plate for the moves of `symmetry_of`."""
     faces = [body_polygon(layout, index) for index in range(len(layout.bodies))]
     if moves[0].mirrored:
@@ -146,7 +154,11 @@ def _halved(
     return DividedRegions([*drawn, *regions[len(faces) :]], lines)
 
 
-def _mirror_line(layout: Layout, faces: Sequence[Any], move: Move) -> list[Line]:
+def _mirror_line(
+    layout: Layout,
+    faces: Sequence[Any],
+    move: Move,
+) -> list[Line]:
     """Return the pieces of the line of a mirror image in the plate."""
     plate = shapely.union_all([*faces, *map(joint_polygon, layout.joints)])
     along = cmath.sqrt(move.factor)
@@ -203,7 +215,12 @@ def _across(
         yield Line(DIVIDING, Segment(*(complex(*point) for point in piece.coords)), region)
 
 
-def _between_hinges(layout: Layout, index: int, about: complex, turns: int) -> complex:
+def _between_hinges(
+    layout: Layout,
+    index: int,
+    about: complex,
+    turns: int,
+) -> complex:
     """Return a direction from the centre between the hinges of a body, by the widest angle."""
     sector = 2 * np.pi / turns
     places = [joint.place - about for joint in layout.joints if index in joint.bodies]

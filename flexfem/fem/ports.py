@@ -24,7 +24,7 @@ from flexfem.fem.elements import (
     stress_tensor,
     von_mises,
 )
-from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
+from flexfem.fem.mesh import PlaneMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
 from flexfem.fem.response import HEAT_CASES, Factorised, Response, free_displacement, resultants_of
 from flexfem.fem.structure import NONE, Mass, Structure, mass_of, structure
@@ -41,7 +41,7 @@ SLIVER = 1e-9
 
 
 def plate_of_layout(
-    layout: Layout, layers: Layers | None = None, mesh: StageMesh | None = None
+    layout: Layout, layers: Layers | None = None, mesh: PlaneMesh | None = None
 ) -> Plate:
     """Return the plate of the plane problem, or with layers the material itself.
 
@@ -61,7 +61,11 @@ def plate_of_layout(
     return Plate(E * (1 - ratio**2), own_nu, layout.thickness)
 
 
-def layers_of_layout(layout: Layout, number: int, antisymmetric: bool = False) -> Layers:
+def layers_of_layout(
+    layout: Layout,
+    number: int,
+    antisymmetric: bool = False,
+) -> Layers:
     """Return layers graded for the narrowest neck, in half of the thickness.
 
     They are those of motion in the plane or, antisymmetric, out of it.
@@ -72,20 +76,20 @@ def layers_of_layout(layout: Layout, number: int, antisymmetric: bool = False) -
     return layers.antisymmetric if antisymmetric else layers
 
 
-def density_of_layout(layout: Layout, mesh: StageMesh) -> float | Array:
+def density_of_layout(layout: Layout, mesh: PlaneMesh) -> float | Array:
     """Return the density, tonne/mm^3; (m,), of triangles, if parts have different materials."""
     if not layout.mixed:
         return layout.density
     return np.array([one.density for one in layout.materials])[mesh.bodies]
 
 
-def held_nodes(layout: Layout, mesh: StageMesh) -> Index:
+def held_nodes(layout: Layout, mesh: PlaneMesh) -> Index:
     """Nodes of fixed bodies and clamped edges, ascending."""
     of_fixed = mesh.triangles[_is_fixed(layout, mesh)]
     return np.unique(np.append(of_fixed, mesh.edges.get("clamped", NONE)))
 
 
-def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
+def _is_fixed(layout: Layout, mesh: PlaneMesh) -> NDArray[np.bool_]:
     """Return which triangles (m,) belong to fixed bodies."""
     return np.isin(mesh.bodies, np.flatnonzero([body.fixed for body in layout.bodies]))
 
@@ -97,7 +101,12 @@ class _ContactArea(NamedTuple):
     radius: float
 
 
-def contact_forces(layout: Layout, mesh: StageMesh, patch: Patch, lifting: bool = False) -> Array:
+def contact_forces(
+    layout: Layout,
+    mesh: PlaneMesh,
+    patch: Patch,
+    lifting: bool = False,
+) -> Array:
     """Nodal forces (3, n, 2) of unit loads at the point of a patch: forces along x and y, moment.
 
     If `lifting`, forces (3, n, 1) along z, of a unit force along z and unit moments about x and y.
@@ -128,7 +137,7 @@ def contact_forces(layout: Layout, mesh: StageMesh, patch: Patch, lifting: bool 
     return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
 
 
-def _contact_area(mesh: StageMesh, patch: Patch) -> _ContactArea:
+def _contact_area(mesh: PlaneMesh, patch: Patch) -> _ContactArea:
     """Return the triangles near the point of a patch, all of its body if it has no radius."""
     triangles = mesh.triangles[mesh.bodies == patch.body]
     if patch.radius is None or not len(triangles):
@@ -142,7 +151,7 @@ def _contact_area(mesh: StageMesh, patch: Patch) -> _ContactArea:
 
 
 def _forces_of_densities(
-    layout: Layout, mesh: StageMesh, patch: Patch, area: _ContactArea
+    layout: Layout, mesh: PlaneMesh, patch: Patch, area: _ContactArea
 ) -> Array:
     """Nodal forces (3, n) of the densities 1, x and y from the point, over the area of a contact.
 
@@ -184,7 +193,7 @@ def _by_triangles(
     return np.asarray(np.einsum("keq,iq->kei", densities, phi))
 
 
-def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:
+def forces_on_ports(layout: Layout, mesh: PlaneMesh) -> Array:
     """Nodal forces (k, n, 2), N, of unit loads on the ports, those on held nodes included."""
     patches = dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts)
     contacts = {patch: contact_forces(layout, mesh, patch) for patch in patches}
@@ -195,7 +204,11 @@ def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:
     return np.array(found)
 
 
-def _in_hinges(layout: Layout, body: int, z: AnyArray) -> NDArray[np.bool_]:
+def _in_hinges(
+    layout: Layout,
+    body: int,
+    z: AnyArray,
+) -> NDArray[np.bool_]:
     """Return which points (...), mm, lie in the hinges of a body."""
     found = np.zeros(z.shape, dtype=np.bool_)
     for joint in layout.joints:
@@ -226,7 +239,7 @@ class PlateModel(Factorised):
     """
 
     layout: Layout = field(kw_only=True)
-    mesh: StageMesh = field(kw_only=True)
+    mesh: PlaneMesh = field(kw_only=True)
     port_forces: Array = field(kw_only=True)
 
     @cached_property
@@ -268,7 +281,7 @@ def through_thickness(structure: Structure, plane: Array) -> Array:
     return np.pad(plane[:, :, None] * share[:, None], [(0, 0), (0, 0), (0, 0), missing])
 
 
-def _hinge_nodes(layout: Layout, mesh: StageMesh) -> tuple[Index, ...]:
+def _hinge_nodes(layout: Layout, mesh: PlaneMesh) -> tuple[Index, ...]:
     """Nodes of the triangles of every hinge, without those of `_at_fixed_end`."""
     parts = [
         np.unique(mesh.triangles[mesh.bodies == part + len(layout.bodies)])
@@ -278,7 +291,11 @@ def _hinge_nodes(layout: Layout, mesh: StageMesh) -> tuple[Index, ...]:
     return tuple(nodes[~_at_fixed_end(layout, joint, mesh.nodes[nodes])] for nodes, joint in pairs)
 
 
-def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool_]:
+def _at_fixed_end(
+    layout: Layout,
+    joint: Joint,
+    nodes: Array,
+) -> NDArray[np.bool_]:
     """Return which nodes (n, 2) of a hinge are near a fixed body.
 
     There the hinge is higher than a quarter of the way from neck to end. A fixed body is rigid. The
@@ -306,8 +323,13 @@ def hinge_stress(response: Response, loads: Array) -> Array:
     return np.reshape(np.transpose(highest), (*np.shape(loads)[:-1], len(highest)))
 
 
-def warm_stress(response: Response, across: ArrayLike = 0.0, unlike: ArrayLike = 0.0) -> Array:
-    """Highest von Mises stress (3 cases, h), MPa, at hinges, as `hinge_stress`, after `warmed`.
+def warm_stress(
+    response: Response,
+    across: ArrayLike = 0.0,
+    unlike: ArrayLike = 0.0,
+) -> Array:
+    """Highest von Mises stress (3 cases, h), MPa, at hinges, as `hinge_stress`, after
+    `thermal_response`.
 
     across : () or (h,), MPa, stress out of the plane per kelvin besides that of plane strain.
     unlike : () or (h,), 1/K, expansion of the hinges less that of the plate.
@@ -325,7 +347,12 @@ def warm_stress(response: Response, across: ArrayLike = 0.0, unlike: ArrayLike =
     return np.hstack(highest)
 
 
-def _held_back(response: Response, part: int, strain: Array, stress: Array) -> Array:
+def _held_back(
+    response: Response,
+    part: int,
+    strain: Array,
+    stress: Array,
+) -> Array:
     """Return the stress, MPa, in the shape of `stress`, that holds a part back by a free strain.
 
     strain : (3 cases, p), the same in all directions, at p nodes.
@@ -339,7 +366,11 @@ def _held_back(response: Response, part: int, strain: Array, stress: Array) -> A
     return held if axes == 2 else held[:, :, None]
 
 
-def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
+def plate_model(
+    layout: Layout,
+    mesh: PlaneMesh,
+    layers: Layers | None = None,
+) -> PlateModel:
     """Factorise a plate, plane or extruded.
 
     With antisymmetric layers, the only port is the output out of the plane.
@@ -367,7 +398,11 @@ def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -
     )
 
 
-def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> Response:
+def plate_response(
+    layout: Layout,
+    mesh: PlaneMesh,
+    layers: Layers | None = None,
+) -> Response:
     """Solve for unit loads on the ports of a layout, in their order.
 
     Parameters
@@ -381,7 +416,7 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
     return plate_model(layout, mesh, layers).response()
 
 
-def warmed(
+def thermal_response(
     model: PlateModel, expansion: float, ground_expansion: float, of_parts: Array | None = None
 ) -> Response:
     """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K, in the plane or with layers.
@@ -389,7 +424,7 @@ def warmed(
     The ground expands about the origin as a free body of its own material; motions include this.
     of_parts : expansions of all bodies, then of all hinges, if they differ from that of the plate.
     """
-    response = model.warmed().under((ground_expansion - expansion) * HEAT_CASES)
+    response = model.thermal_response().under((ground_expansion - expansion) * HEAT_CASES)
     if of_parts is not None:
         unlike = (of_parts - expansion)[model.structure.mesh.bodies]
         strained = model.response(_loads_of_expansion(model.structure, unlike))
@@ -426,7 +461,11 @@ def _loads_of_expansion(structure: Structure, expansion: Array) -> Array:
     return structure.loads(forces)
 
 
-def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> Modes:
+def plate_modes(
+    model: PlateModel,
+    count: int,
+    engaged: bool = False,
+) -> Modes:
     """Return the lowest `count` modes with payloads and the masses of actuators.
 
     engaged : whether the stiffness of actuators acts.

@@ -93,7 +93,11 @@ def prestress_by(
     return Prestress(structure, _of_stress(structure, stress_of), at, -turned, level)
 
 
-def _with_reactions(model: PlateModel, load: Array, held: tuple[int, ...]) -> Array:
+def _with_reactions(
+    model: PlateModel,
+    load: Array,
+    held: tuple[int, ...],
+) -> Array:
     """Return a load (k,) with what holds ports at zero displacement."""
     load = load.copy()
     if held:
@@ -155,7 +159,11 @@ def stiffened(change: Prestress) -> Solve:
     return solved
 
 
-def lifted(change: Prestress, model: PlateModel, load: Array) -> Prestress:
+def lifted(
+    change: Prestress,
+    model: PlateModel,
+    load: Array,
+) -> Prestress:
     """Return the change of the stiffness out of the plane by a load (k,) on the ports.
 
     It is that of a plate with the same layers.
@@ -174,10 +182,18 @@ def lifted(change: Prestress, model: PlateModel, load: Array) -> Prestress:
         blocks.append(_work_of_tilts(model, patch, wrench))
         tilts = contact_forces(model.layout, model.mesh, patch, lifting=True)[1:]
         columns.append(structure.loads(through_thickness(structure, tilts)))
-    return change._replace(structure=structure, at=np.hstack(columns), carried=block_diag(*blocks))
+    return change._replace(
+        structure=structure,
+        at=np.hstack(columns),
+        carried=block_diag(*blocks),
+    )
 
 
-def _work_of_tilts(model: PlateModel, patch: Patch, wrench: Array) -> Array:
+def _work_of_tilts(
+    model: PlateModel,
+    patch: Patch,
+    wrench: Array,
+) -> Array:
     """Second derivatives (2, 2) of the work of a wrench (3,) on a contact, by its tilts."""
     along_x, along_y, couple = contact_forces(model.layout, model.mesh, patch)
     arm = arm_of(along_x, along_y, couple)
@@ -308,7 +324,11 @@ def _of_stress(structure: Structure, stress_of: Callable[[ElementBatch], Array])
     return total
 
 
-def _of_elements(piece: ElementBatch, line: Layers, stress: Array) -> Array:
+def _of_elements(
+    piece: ElementBatch,
+    line: Layers,
+    stress: Array,
+) -> Array:
     """Return `int d_A phi_i psi_k S_AB d_B phi_j psi_l dV` (e, 6 m, 6 m).
 
     stress : (e, d, d, q z), S.

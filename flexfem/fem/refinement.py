@@ -96,7 +96,11 @@ def _number_of_arcs(bodies: Iterable[Body]) -> int:
     return sum(edge.centre is not None for edge in edges)
 
 
-def _places_of_body(body: Body, coarse: float, per_turn: float) -> Iterator[_Place]:
+def _places_of_body(
+    body: Body,
+    coarse: float,
+    per_turn: float,
+) -> Iterator[_Place]:
     """Yield the places of arcs, of sharp inner corners of elastic bodies, and of narrow places.
 
     coarse : mm, size far from them.   per_turn : triangles per full turn of an arc.
@@ -181,7 +185,11 @@ def _across_rays(rings: Sequence[AnyArray], width: float) -> Iterator[tuple[comp
         rays = _Rays(more.origins, of[more.of])
 
 
-def _spread(starts: AnyArray, along: AnyArray, spacing: Array) -> _Rays:
+def _spread(
+    starts: AnyArray,
+    along: AnyArray,
+    spacing: Array,
+) -> _Rays:
     """Return points on lines from `starts` (n,) by vectors `along` (n,), at most so far apart."""
     counts = np.clip(np.ceil(np.abs(along) / spacing), 1, MOST_RAYS).astype(np.int64)
     of = np.repeat(np.arange(len(starts)), counts)
@@ -189,7 +197,11 @@ def _spread(starts: AnyArray, along: AnyArray, spacing: Array) -> _Rays:
     return _Rays(starts[of] + along[of] * (place + 0.5) / counts[of], of)
 
 
-def _gaps(sides: _Sides, rays: _Rays, longest: float) -> Array:
+def _gaps(
+    sides: _Sides,
+    rays: _Rays,
+    longest: float,
+) -> Array:
     """Return the lengths (m,), mm, of rays to the next side that faces theirs; else infinity."""
     directions = sides.directions[rays.of]
     ends = np.stack([rays.origins, rays.origins + longest * 1j * directions], axis=1)

@@ -25,7 +25,7 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, part_stresses
-from flexfem.fem.mesh import SECTORS, Sector, StageMesh, joined, nodes_on, sector_rotation
+from flexfem.fem.mesh import SECTORS, PlaneMesh, Sector, joined, nodes_on, sector_rotation
 from flexfem.fem.structure import Mass, Structure, structure
 from flexfem.fem.symmetry import Space, full_space, harmonic_spaces, sector_values, whole_fields
 from flexfem.refused import ComputationFailed
@@ -84,7 +84,11 @@ class Factorised:
         vector = self.spaces[1].solution(loads[:, :2])
         return np.hstack([vector, self.spaces[0].solution(loads[:, 2:])])
 
-    def response(self, loads: Array | None = None, prescribed: Array | None = None) -> Response:
+    def response(
+        self,
+        loads: Array | None = None,
+        prescribed: Array | None = None,
+    ) -> Response:
         """Solve and refine until forces and energy balance.
 
         loads : (size, c), on the unknowns, a third of those of the whole if `cyclic`; None for unit
@@ -133,7 +137,11 @@ class Factorised:
             self.bodies,
         )
 
-    def weighed(self, mass: Mass, accelerations: Array) -> Response:
+    def weight_response(
+        self,
+        mass: Mass,
+        accelerations: Array,
+    ) -> Response:
         """Solve for the weight in c fields.
 
         accelerations : (c, j), mm/s^2, along the first j components of the pose.
@@ -143,7 +151,7 @@ class Factorised:
         carried = np.tile(along.T, (mass.at.shape[1] // 3, 1))
         return self.response(self.structure.loads(forces) + mass.at @ (mass.carried @ carried))
 
-    def warmed(self) -> Response:
+    def thermal_response(self) -> Response:
         """Solve for temperature cases per expansion of the frame less that of the material.
 
         The cases are gradients along x and y, then a uniform change; with antisymmetric layers two
@@ -175,7 +183,12 @@ class _Balance:
     on_nodes : (c,), sums of the loads on nodes; loads may have no resultant.
     """
 
-    def __init__(self, factorised: Factorised, loads: Array, offset: Array) -> None:
+    def __init__(
+        self,
+        factorised: Factorised,
+        loads: Array,
+        offset: Array,
+    ) -> None:
         structure = factorised.structure
         nodes = structure.mesh.nodes
         self.loads = loads
@@ -204,7 +217,12 @@ class _Balance:
         """Products (c, c) of cases of the whole from those of one sector."""
         return np.asarray(np.sum([R @ values @ R.T for R in self.rotations], axis=0))
 
-    def of(self, motion: Array, nodal: Array, forces: Array) -> _Balanced:
+    def of(
+        self,
+        motion: Array,
+        nodal: Array,
+        forces: Array,
+    ) -> _Balanced:
         """Return the sums of a solution: unknowns (size, c), and nodal fields (c, n, ...)."""
         count = len(nodal)
         flat = forces.reshape(count, -1)
@@ -217,7 +235,11 @@ class _Balance:
         work = self._of_whole(motion.T @ self.loads + self.offset.reshape(count, -1) @ flat.T)
         return _Balanced(np.stack(reactions, axis=1), energy, work)
 
-    def imbalance(self, found: _Balanced, largest: Array) -> dict[str, float]:
+    def imbalance(
+        self,
+        found: _Balanced,
+        largest: Array,
+    ) -> dict[str, float]:
         """Return by how much reactions and loads, and energy and work differ.
 
         largest : (c,), N, of nodal forces, by which forces are divided if they are larger.
@@ -236,7 +258,7 @@ class _Balance:
         }
 
 
-def clamped_nodes(mesh: StageMesh) -> list[Index]:
+def clamped_nodes(mesh: PlaneMesh) -> list[Index]:
     """Return the nodes on the clamped edge of each body at the ground, in the order of bodies."""
     body_of = np.full(len(mesh.nodes), -1)
     ground = nodes_on(mesh, "ground")
@@ -296,10 +318,15 @@ class Response:
         part = self.structure
         nodal = whole_fields(len(mesh.nodes), sector_nodes, sector_values([self.nodal]))
         whole = structure(mesh, part.plate, part.layers, part.degree)
-        return replace(self, structure=whole, nodal=nodal, sectors=())
+        return replace(
+            self,
+            structure=whole,
+            nodal=nodal,
+            sectors=(),
+        )
 
     @property
-    def mesh(self) -> StageMesh:
+    def mesh(self) -> PlaneMesh:
         """The mesh of the whole."""
         return self.whole.structure.mesh
 
@@ -326,7 +353,13 @@ class Response:
         motions = whole.motions @ loads.T
         energy = loads @ whole.energy @ loads.T
         nodal, pads = (np.tensordot(loads, part, axes=1) for part in (whole.nodal, whole.pads))
-        return replace(whole, motions=motions, nodal=nodal, pads=pads, energy=energy)
+        return replace(
+            whole,
+            motions=motions,
+            nodal=nodal,
+            pads=pads,
+            energy=energy,
+        )
 
     @cached_property
     def stresses(self) -> list[Array]:
@@ -361,7 +394,11 @@ class Response:
         nu = float(plate.poissons_ratio[self.structure.mesh.bodies == part][0])
         return nu / (1 + nu)
 
-    def _stresses_at(self, regions: tuple[Index, ...], numbers: Sequence[int]) -> list[Array]:
+    def _stresses_at(
+        self,
+        regions: tuple[Index, ...],
+        numbers: Sequence[int],
+    ) -> list[Array]:
         of = self.structure
         return part_stresses(of.mesh, of.plate, self.nodal, regions, numbers, of.layers)
 
@@ -413,7 +450,11 @@ def unit_response(
     return factorised_sectors(sectors, plate, layers, degree).response()
 
 
-def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> Response:
+def platform_response(
+    mesh: PlaneMesh,
+    plate: Plate,
+    degree: int | None = None,
+) -> Response:
     """Solve as `unit_response` on a whole mesh.
 
     The compliance is the pose block of `(T' K T)^-1`, hence symmetric.
@@ -422,13 +463,13 @@ def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) 
 
 
 def heat_response(
-    mesh: StageMesh, plate: Plate, expansion: float, frame_expansion: float
+    mesh: PlaneMesh, plate: Plate, expansion: float, frame_expansion: float
 ) -> Response:
     """Solve a plate with a rigid hub for `HEAT_CASES` with expansions, 1/K, in the plane.
 
     Raises ComputationFailed.
     """
-    warm = factorised_whole(structure(mesh, plate)).warmed()
+    warm = factorised_whole(structure(mesh, plate)).thermal_response()
     return warm.under((frame_expansion - expansion) * HEAT_CASES)
 
 

@@ -27,7 +27,11 @@ class Strains(NamedTuple):
     place: Array
 
 
-def hinge_wrenches(response: Response, layout: Layout, field: Array) -> Array:
+def hinge_wrenches(
+    response: Response,
+    layout: Layout,
+    field: Array,
+) -> Array:
     """Return tension N, transverse force V and moment M (h, 3) at the centres of hinges.
 
     They are in N and N mm, and act on the end of a hinge at its second body, in its axes.
@@ -43,7 +47,12 @@ def hinge_wrenches(response: Response, layout: Layout, field: Array) -> Array:
     return found
 
 
-def section_wrench(response: Response, field: Array, start: complex, end: complex) -> Array:
+def section_wrench(
+    response: Response,
+    field: Array,
+    start: complex,
+    end: complex,
+) -> Array:
     """Return axial force, shear force and moment (3,), N and N mm, through a section.
 
     start, end : ends of the section, complex, mm.
@@ -92,7 +101,11 @@ def _resultant(
     return np.array([force.real, force.imag, np.sum(x * fy - y * fx)])
 
 
-def part_strains(response: Response, layout: Layout, load: Array) -> Strains:
+def part_strains(
+    response: Response,
+    layout: Layout,
+    load: Array,
+) -> Strains:
     """Return the highest strains in the plane by a load (k,) on the ports.
 
     They are taken at the nodes at which stress is stated. A strain is the stress in a material of

@@ -23,7 +23,11 @@ Drawing = TypeVar("Drawing")
 Mesh = TypeVar("Mesh")
 
 
-def smaller_at(corners: Array, coarse: float, moves: Sequence[Move] = ()) -> list[Grading]:
+def smaller_at(
+    corners: Array,
+    coarse: float,
+    moves: Sequence[Move] = (),
+) -> list[Grading]:
     """Return smaller sizes at the places of some triangles, and at the images of these places.
 
     corners : (n, 3, 2), mm, of the triangles.   coarse : largest size, mm.

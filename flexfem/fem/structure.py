@@ -34,7 +34,7 @@ from flexfem.fem.elements import (
     stress_tensor,
 )
 from flexfem.fem.factor import Solve, elimination_order, factorise
-from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.mesh import PlaneMesh, nodes_on
 from flexfem.refused import ComputationFailed
 
 MOST_UNKNOWNS = 600_000  # in one factorisation in three dimensions: about 6 GB
@@ -55,7 +55,7 @@ class Structure:
     body : (h,), number of the rigid body of each of these, the hub or one of several sections.
     """
 
-    mesh: StageMesh
+    mesh: PlaneMesh
     plate: Plate
     layers: Layers | None
     degree: int
@@ -178,7 +178,11 @@ class Structure:
         joint.data = np.arange(joint.nnz)
         return Pairs(joint.indices, joint.indptr, chosen, joint[row, column])
 
-    def tie_hub(self, lower: sp.csr_array, rigid: Array) -> sp.csr_array:
+    def tie_hub(
+        self,
+        lower: sp.csr_array,
+        rigid: Array,
+    ) -> sp.csr_array:
         """Lower triangle (size, size) of T' K T from that of K of free and hub nodes.
 
         rigid : motion of the hub per pose.
@@ -221,13 +225,13 @@ class Structure:
     def factorised(self) -> Solve:
         """Inverse of the stiffness.
 
-        Raises ComputationFailed as `lower`, or when a part is not held.
+        Raises ComputationFailed as `design_arrays`, or when a part is not held.
         """
         return factorise(self.lower(), self.order(), self.poses)
 
 
 def structure(
-    mesh: StageMesh,
+    mesh: PlaneMesh,
     plate: Plate,
     layers: Layers | None = None,
     degree: int | None = None,
@@ -311,7 +315,11 @@ def mass_of(
     return Mass(structure, areal, line, carried, at)
 
 
-def _areal_mass(mesh: StageMesh, density: float | Array, degree: int) -> sp.csr_array:
+def _areal_mass(
+    mesh: PlaneMesh,
+    density: float | Array,
+    degree: int,
+) -> sp.csr_array:
     """Return the plane factor (n, n) of a mass matrix, tonne/mm^2."""
     number = len(mesh.nodes)
     areal = sp.csr_array((number, number))

@@ -61,7 +61,12 @@ def harmonic_spaces(sector: Structure, nodes: int) -> tuple[Space, Space]:
     return alike, _harmonic_space(sector, condensed, nodes, 1)
 
 
-def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harmonic: int) -> Space:
+def _harmonic_space(
+    structure: Structure,
+    condensed: Condensed,
+    nodes: int,
+    harmonic: int,
+) -> Space:
     """Space of a harmonic.
 
     Its coordinates are the unknowns inside a sector and on its cut behind, then one of the pose.
@@ -96,7 +101,11 @@ def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harm
     return Space(inner + T.shape[1], T.dtype.type, expand, project, solve)
 
 
-def _cut_constraint(structure: Structure, nodes: int, harmonic: int) -> AnyArray:
+def _cut_constraint(
+    structure: Structure,
+    nodes: int,
+    harmonic: int,
+) -> AnyArray:
     """Return T_h (2 c + 3, c + 1), from cut behind and a pose coordinate to both cuts and the pose.
 
     The cut ahead is the cut behind of the next sector. A rotation by one sector leaves one freedom
@@ -131,7 +140,11 @@ def sector_values(values: Sequence[Array]) -> list[Array]:
     return [np.tensordot(turn, values[0], axes=1) for turn in turns]
 
 
-def whole_fields(nodes: int, sector_nodes: list[Index], parts: Sequence[Array]) -> Array:
+def whole_fields(
+    nodes: int,
+    sector_nodes: list[Index],
+    parts: Sequence[Array],
+) -> Array:
     """Fields (k, nodes, ...) of the whole mesh from those of its sectors, each in its own frame.
 
     Vectors have two or three components.

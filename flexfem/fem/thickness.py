@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, mirrored, nodal_stress, sheet
 from flexfem.fem.factor import condense, dense
-from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.mesh import PlaneMesh, nodes_on
 from flexfem.fem.plate_bodies import part_mesh
 from flexfem.fem.ports import plate_of_layout
 from flexfem.fem.structure import NONE, structure
@@ -73,7 +73,7 @@ class ThickHinge(NamedTuple):
         return ThickHinge(*(part * signs for part in self))
 
 
-def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
+def thick_hinges(layout: Layout, mesh: PlaneMesh) -> tuple[ThickHinge, ...]:
     """Solve every hinge of a layout in three dimensions.
 
     Hinges of equal profile, also turned, are solved once.
@@ -94,7 +94,11 @@ def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
     return tuple(hinges)
 
 
-def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
+def _thick_hinge(
+    layout: Layout,
+    mesh: PlaneMesh,
+    number: int,
+) -> ThickHinge:
     joint = layout.joints[number]
     alone = _hinge_alone(layout, mesh, number)
     part = alone.mesh
@@ -120,12 +124,16 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
 class _HingeAlone(NamedTuple):
     """Mesh of a hinge and its bodies near it, in its axes, and nodes on its end sections."""
 
-    mesh: StageMesh
+    mesh: PlaneMesh
     near: Index
     far: Index
 
 
-def _hinge_alone(layout: Layout, mesh: StageMesh, number: int) -> _HingeAlone:
+def _hinge_alone(
+    layout: Layout,
+    mesh: PlaneMesh,
+    number: int,
+) -> _HingeAlone:
     joint = layout.joints[number]
     chosen, near, far = _surroundings(layout, mesh, number)
     part, numbers = part_mesh(mesh, chosen)
@@ -147,7 +155,11 @@ def _von_mises_forms(stress: Array) -> Array:
     return np.asarray(1.5 * np.einsum("inab,jnab->nij", deviators, deviators, optimize=True))
 
 
-def _change(plane: Array, solid: Array, symmetric: bool) -> Array:
+def _change(
+    plane: Array,
+    solid: Array,
+    symmetric: bool,
+) -> Array:
     """Change (3, 3) of the compliance of a hinge, whose profile may be symmetric about its axis."""
     change = solid - plane
     if symmetric:
@@ -169,7 +181,11 @@ class _Part(NamedTuple):
     fields: Array
 
 
-def _between_sections(alone: _HingeAlone, plate: Plate, layers: Layers | None) -> _Part:
+def _between_sections(
+    alone: _HingeAlone,
+    plate: Plate,
+    layers: Layers | None,
+) -> _Part:
     """Solve a part for unit loads on its far section; the near one is held.
 
     Sections are rigid in the plane.
@@ -207,7 +223,7 @@ def _motion_under_wrenches(schur: Array, T: Array) -> Array:
 
 
 def _surroundings(
-    layout: Layout, mesh: StageMesh, number: int
+    layout: Layout, mesh: PlaneMesh, number: int
 ) -> tuple[NDArray[np.bool_], Index, Index]:
     """Return the triangles of a hinge and its bodies near it, and the nodes on both end sections.
 

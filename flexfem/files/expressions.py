@@ -58,7 +58,11 @@ class Scaled(str):
 
     factor: float
 
-    def __new__(cls, text: str, factor: float) -> Scaled:
+    def __new__(
+        cls,
+        text: str,
+        factor: float,
+    ) -> Scaled:
         """Return an expression with a factor."""
         found = super().__new__(cls, text)
         found.factor = factor
@@ -92,7 +96,12 @@ class Evaluated(float):
     text: str
     kind: NumberKind
 
-    def __new__(cls, value: float, text: str, kind: NumberKind) -> Evaluated:
+    def __new__(
+        cls,
+        value: float,
+        text: str,
+        kind: NumberKind,
+    ) -> Evaluated:
         """Return a number with a text."""
         found = super().__new__(cls, value)
         found.text = text

@@ -19,7 +19,7 @@ _hooked: list[bool] = []
 
 
 @contextmanager
-def noted() -> Iterator[None]:
+def recording_inputs() -> Iterator[None]:
     """Record every file that any code opens for reading in the context."""
     if not _hooked:
         _hooked.append(True)

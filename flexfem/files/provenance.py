@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 
 from flexfem.files.expressions import Evaluated
 from flexfem.files.refusals import KeyPath, key_path, path_of, refusal, suggestion
-from flexfem.files.tables import UNCHANGEABLE, Label, Table, Unchangeable, once
+from flexfem.files.tables import UNCHANGEABLE, Label, Table, Unchangeable, memoized
 
 
 class Assumptions(NamedTuple):
@@ -60,7 +60,7 @@ class Sourced(Table):
         return self
 
     @property
-    @once
+    @memoized
     def entries(self) -> Mapping[str, Any]:
         """All tables and values except provenance by key path; an array counts as one."""
         return Unchangeable({key_path(path, self): value for path, value in _members(self, ())})
@@ -91,7 +91,7 @@ class Sourced(Table):
         return tuple(path for path in self.numbers if self.sources[path] is None)
 
     @property
-    @once
+    @memoized
     def sources(self) -> Mapping[str, str | None]:
         """Source of every table and value by key path: its own, or that of its nearest table."""
         stated = {path_of(key): source for key, source in self.provenance.items()}
@@ -130,7 +130,11 @@ def assumptions_said(
     return [counted(len(keys), *(of + verb for verb in both)) for keys, both in verbs if keys]
 
 
-def counted(count: int, singular: str, plural: str) -> str:
+def counted(
+    count: int,
+    singular: str,
+    plural: str,
+) -> str:
     """Return a count with the singular or plural text: "1 number is", "2 numbers are"."""
     return f"{count} {singular if count == 1 else plural}"
 

@@ -140,7 +140,11 @@ class Limits:
             raise refusal(expected)
         return self.inside(number)
 
-    def _dumped(self, value: float, info: SerializationInfo) -> float | str:
+    def _dumped(
+        self,
+        value: float,
+        info: SerializationInfo,
+    ) -> float | str:
         if isinstance(value, Evaluated) and (info.by_alias or info.context == STATED):
             return value.text
         return self.in_file(value) if info.by_alias else value
@@ -162,19 +166,46 @@ class Limits:
         return found | ({UNIT: self.unit} if self.unit in (COUNT, OF_THE_KEY) else {})
 
 
-def positive(least: float, most: float, unit: str = "") -> Limits:
+def positive(
+    least: float,
+    most: float,
+    unit: str = "",
+) -> Limits:
     """Return the annotation of a positive number."""
-    return Limits(unit, gt=0, le=most, least=least)
+    return Limits(
+        unit,
+        gt=0,
+        le=most,
+        least=least,
+    )
 
 
-def from_zero(least: float, most: float, unit: str = "") -> Limits:
+def from_zero(
+    least: float,
+    most: float,
+    unit: str = "",
+) -> Limits:
     """Return the annotation of a number that is positive or zero."""
-    return Limits(unit, ge=0, le=most, least=least)
+    return Limits(
+        unit,
+        ge=0,
+        le=most,
+        least=least,
+    )
 
 
-def either_sign(least: float, most: float, unit: str = "") -> Limits:
+def either_sign(
+    least: float,
+    most: float,
+    unit: str = "",
+) -> Limits:
     """Return the annotation of a number of either sign, or zero."""
-    return Limits(unit, ge=-most, le=most, least=least)
+    return Limits(
+        unit,
+        ge=-most,
+        le=most,
+        least=least,
+    )
 
 
 LONGEST = 1e4  # mm; largest coordinate
@@ -193,10 +224,24 @@ Strength: TypeAlias = Annotated[float, positive(1e-3, 1e5)]  # MPa: gels to grap
 ResidualStress: TypeAlias = Annotated[float, either_sign(1e-4, 1e4)]  # MPa: films
 Density: TypeAlias = Annotated[float, positive(0.1, 1e5)]  # kg/m^3: aerogels, and four times osmium
 Expansion: TypeAlias = Annotated[  # glass ceramics and polymers
-    float, Limits("um_per_m_k", ge=0, le=300, least=0.01, said=_ALUMINIUM)
+    float,
+    Limits(
+        "um_per_m_k",
+        ge=0,
+        le=300,
+        least=0.01,
+        said=_ALUMINIUM,
+    ),
 ]
 FrameExpansion: TypeAlias = Annotated[  # zero-expansion glass as measured; alloys
-    float, Limits("um_per_m_k", ge=-50, le=300, least=1e-3, said=_ALUMINIUM)
+    float,
+    Limits(
+        "um_per_m_k",
+        ge=-50,
+        le=300,
+        least=1e-3,
+        said=_ALUMINIUM,
+    ),
 ]
 Walker: TypeAlias = Annotated[float, positive(0.01, 1, COUNT)]
 Cycles: TypeAlias = Annotated[
@@ -230,9 +275,23 @@ Percent: TypeAlias = Annotated[float, positive(1e-6, 100)]
 AnyNumber: TypeAlias = Annotated[float, either_sign(*OF_ANY_KEY)]
 AnyPositive: TypeAlias = Annotated[float, positive(*OF_ANY_KEY)]
 Unlimited: TypeAlias = Annotated[float, Limits(OF_THE_KEY)]
-Count: TypeAlias = Annotated[float, Limits(COUNT, ge=2, le=1000, whole=True)]
+Count: TypeAlias = Annotated[
+    float,
+    Limits(
+        COUNT,
+        ge=2,
+        le=1000,
+        whole=True,
+    ),
+]
 STEEPEST = -0.5
 FLATTEST = -0.01  # limits of Basquin's exponent; metals have -0.05 to -0.15
 Exponent: TypeAlias = Annotated[
-    float, Limits(COUNT, ge=STEEPEST, le=FLATTEST, reason="stress falls with the number of cycles")
+    float,
+    Limits(
+        COUNT,
+        ge=STEEPEST,
+        le=FLATTEST,
+        reason="stress falls with the number of cycles",
+    ),
 ]

@@ -128,7 +128,11 @@ def refusal(expected: str, *at: str | int) -> PydanticCustomError:
     return PydanticCustomError("refused", "expected {expected}", {"expected": expected, "at": at})
 
 
-def suggestion(word: str, known: Iterable[str], said: Callable[[str], str] = str) -> str:
+def suggestion(
+    word: str,
+    known: Iterable[str],
+    said: Callable[[str], str] = str,
+) -> str:
     """Return ", did you mean ...?" with the known word closest to `word`, as `said`, or "" when
     none is close.
     """
@@ -256,7 +260,11 @@ def _present(path: KeyPath, data: Any) -> KeyPath:
     return found
 
 
-def needed(path: KeyPath, model: type[BaseModel], data: Any = None) -> list[str]:
+def needed(
+    path: KeyPath,
+    model: type[BaseModel],
+    data: Any = None,
+) -> list[str]:
     """Return the keys that are missing: the key at the path itself, or the required keys of a
     missing table.
     """
@@ -313,7 +321,11 @@ def sentence(
     )
 
 
-def _fields_at(model: type[BaseModel], path: KeyPath, by_name: bool) -> dict[str, str]:
+def _fields_at(
+    model: type[BaseModel],
+    path: KeyPath,
+    by_name: bool,
+) -> dict[str, str]:
     """Return the file keys of the table at a path, by key or by name of the attribute.
 
     `provenance` comes last.

@@ -77,7 +77,12 @@ class Table(BaseModel):
         expectation.
     """
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        strict=True,
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+    )
 
     def __init__(self, /, **values: Any) -> None:
         given = plain(values)
@@ -100,7 +105,12 @@ class Table(BaseModel):
             {key: _frozen(value) for key, value in data.items()} if isinstance(data, dict) else data
         )
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+    def model_copy(
+        self,
+        *,
+        update: Mapping[str, Any] | None = None,
+        deep: bool = False,
+    ) -> Self:
         """Return a validated copy with some values replaced by name."""
         return type(self)(
             **{name: getattr(self, name) for name in self.model_fields_set} | dict(update or {})
@@ -145,7 +155,11 @@ def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
-def plain(value: Any, tables: bool = False, depth: int = 0) -> Any:
+def plain(
+    value: Any,
+    tables: bool = False,
+    depth: int = 0,
+) -> Any:
     """Convert numpy arrays and scalars, mappings, sequences and, with `tables`, tables to Python
     numbers in lists.
 
@@ -202,7 +216,7 @@ Label: TypeAlias = Annotated[
 ]
 
 
-def once(
+def memoized(
     compute: Callable[Concatenate[Owner, Args], Value],
 ) -> Callable[Concatenate[Owner, Args], Value]:
     """Keep the results of a function of a table with the table, which cannot change.

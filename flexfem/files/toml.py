@@ -43,10 +43,10 @@ PORTS = (f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))
 DEVICES = {"CON", "PRN", "AUX", "NUL", *PORTS}  # of Windows
 _STRING = r"""
     (?: \"{3} (?: [^"\\] | \\.? | "{1,2}(?!") )*+ (?: "{3,5} | \Z ) | \'{3} (?: [^'] | '{1,2}(?!') )*+ (?: '{3,5} | \Z )
-      | " (?: [^"\\\n] | \\[^\n]? )*+ "? | ' [^'\n]*+ '? )"""  # possessive, also unclosed: linear time on any text
+      | " (?: [^"\\\n] | \\[^\n]? )*+ "? | ' [^'\n]*+ '? )"""  # possessive, also unclosed: linear time on any text  # noqa: E501
 _PART = rf"(?: {_STRING} | [^\s\"'\#\[\]{{}}=,.]++ )"
 _TOKEN = re.compile(
-    rf"(?P<deep> {_PART} (?: [ \t]*+ \. [ \t]*+ {_PART} ){{{MAX_DEPTH}}} ) | \#[^\n]*+ | {_PART} | [\n\[\]{{}}]",
+    rf"(?P<deep> {_PART} (?: [ \t]*+ \. [ \t]*+ {_PART} ){{{MAX_DEPTH}}} ) | \#[^\n]*+ | {_PART} | [\n\[\]{{}}]",  # noqa: E501
     re.VERBOSE | re.DOTALL,
 )
 
@@ -221,7 +221,11 @@ def read_toml(path: PathLike) -> TomlFile:
         raise BadInput(f"{place}: not TOML: a number with too many digits") from None
 
 
-def bad_key(path: PathLike, key: KeyPath, message: str) -> BadInput:
+def bad_key(
+    path: PathLike,
+    key: KeyPath,
+    message: str,
+) -> BadInput:
     """Return the error for a key of a file, with the file and the line of the key."""
     return BadInput(f"{place_of(path, read_toml(path).line(key))}: {message}")
 
@@ -265,7 +269,11 @@ def validate(
     raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {text}"))
 
 
-def _missing(problems: list[Problem], model_class: type[BaseModel], data: dict[str, Any]) -> str:
+def _missing(
+    problems: list[Problem],
+    model_class: type[BaseModel],
+    data: dict[str, Any],
+) -> str:
     """Return which keys are missing."""
     keys = list[str]()
     for problem in problems:

@@ -83,7 +83,11 @@ def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
             yield from _lines(value, f"{path}{as_key(key)}.")
 
 
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
+def markdown_table(
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    align: str = "",
+) -> str:
     """Return a table in Markdown without a final line end.
 
     `align` has l or r for each column, default l.
@@ -158,7 +162,11 @@ def _refused(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Iterator[Path]:
+def replacing(
+    path: Path,
+    suffix: str | None = None,
+    again: bool = False,
+) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`, and move it to `path` when no error occurred.
 
     The file is on the disk before it replaces an older one, and the folder when this ends: whenever
@@ -220,7 +228,11 @@ def _flush_folder(folder: Path) -> None:
             raise
 
 
-def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: bool = False) -> None:
+def write_atomically(
+    path: Path,
+    write: Callable[[BinaryIO], object],
+    again: bool = False,
+) -> None:
     """Write a file atomically by a function of the open file. Raises BadInput as `replacing`."""
     with replacing(path, ".tmp", again) as temporary, temporary.open("wb") as file:
         write(file)
@@ -242,7 +254,12 @@ def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:
 
 def digest(content: Any) -> str:
     """Return the SHA-256 of plain data as JSON."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    text = json.dumps(
+        content,
+        sort_keys=True,
+        separators=(",", ":"),
+        allow_nan=False,
+    )
     return hashlib.sha256(text.encode()).hexdigest()
 
 

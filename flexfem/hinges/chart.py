@@ -33,7 +33,11 @@ from flexfem.sources import read_data
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)  # 1e-12 or better for t/R from 1e-4 upwards
 
 
-def quadrature(tau: Array, power_of_x: int, power_of_depth: int) -> Array:
+def quadrature(
+    tau: Array,
+    power_of_x: int,
+    power_of_depth: int,
+) -> Array:
     """Integral of (x/R)^m (h/R)^-n d(x/R) over the notch by Gauss quadrature; shape of `tau`.
 
     x = R sin(theta) removes the vertical tangent of h at the ends. theta = sqrt(tau) sinh(w) moves
@@ -158,13 +162,21 @@ class HingeChart(NamedTuple):
     low: Series
     high: Series
 
-    def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
+    def covers(
+        self,
+        ratio: ArrayLike,
+        height: ArrayLike,
+    ) -> NDArray[np.bool_]:
         """Return whether t/R and H/h, which broadcast, are on the chart; H/h has no upper limit."""
         ratios, (lowest, _) = self.low.ends
         is_high_enough = _within(height, (lowest, np.inf)) & np.isfinite(height)
         return _within(ratio, ratios) & is_high_enough
 
-    def factors(self, ratio: ArrayLike, height: ArrayLike) -> Compliance:
+    def factors(
+        self,
+        ratio: ArrayLike,
+        height: ArrayLike,
+    ) -> Compliance:
         """Return the factors (...) at t/R and H/h, broadcast against each other."""
         tau = np.asarray(ratio, dtype=float)
         eta = np.asarray(height, dtype=float)
@@ -195,7 +207,11 @@ def hinge_chart() -> HingeChart:
     return HingeChart(low, high)
 
 
-def _chart_of(name: str, scale: np.ufunc, growth: Array) -> Series:
+def _chart_of(
+    name: str,
+    scale: np.ufunc,
+    growth: Array,
+) -> Series:
     """Return the factors in a file over t/R and H/h, less their growth (3,) per ln(H/h).
 
     scale : transformation of H/h in which they are smooth.
@@ -254,7 +270,12 @@ def thickness_factors(
     )
 
 
-def _vander(values: Array, ends: tuple[float, float], scale: np.ufunc, terms: int) -> Array:
+def _vander(
+    values: Array,
+    ends: tuple[float, float],
+    scale: np.ufunc,
+    terms: int,
+) -> Array:
     """Return Chebyshev polynomials (..., terms) of values (...), scaled from ends to -1 and 1."""
     low, high = scale(ends)
     scaled = np.asarray(2.0 * (scale(values) - low) / (high - low) - 1.0)

@@ -114,7 +114,12 @@ def fitted(
     return best
 
 
-def _least_squares(points: Array, values: Array, degrees: Index, seen: int) -> SmoothFit:
+def _least_squares(
+    points: Array,
+    values: Array,
+    degrees: Index,
+    seen: int,
+) -> SmoothFit:
     """Return the fit to the first points that are `seen`, and its error at the others."""
     low = points.min(axis=0)
     high = points.max(axis=0)
@@ -125,7 +130,11 @@ def _least_squares(points: Array, values: Array, degrees: Index, seen: int) -> S
     return SmoothFit(low, high, degrees, coefficients, float(np.max(np.abs(off))))
 
 
-def _scaled(points: Array, low: Array, high: Array) -> Array:
+def _scaled(
+    points: Array,
+    low: Array,
+    high: Array,
+) -> Array:
     """Return points (n, k) scaled to -1 to 1."""
     width = np.where(high > low, high - low, 1.0)
     return np.asarray(2 * (points - low) / width - 1)

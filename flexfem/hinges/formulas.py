@@ -310,7 +310,11 @@ def register_formula(
     return FORMULAS[name]
 
 
-def _values(title: str, function: Callable[[Array], Array], ratio: Array) -> Array:
+def _values(
+    title: str,
+    function: Callable[[Array], Array],
+    ratio: Array,
+) -> Array:
     """Return the values (...) of a function at t/R (...).
 
     Raises BadInput where a user's function fails.

@@ -31,7 +31,12 @@ class BeamIntegrals(NamedTuple):
     bending: Array
     shear: Array
 
-    def compliance(self, E: Any, nu: Any, thickness: Any) -> Array:
+    def compliance(
+        self,
+        E: Any,
+        nu: Any,
+        thickness: Any,
+    ) -> Array:
         """Return the compliance (n, 3, 3), axial, transverse, rotation; arguments may be (n,)."""
         count = np.broadcast_shapes(*map(np.shape, (E, nu, thickness)), self.shear.shape)
         found = np.array(np.broadcast_to(self.bending, (*count, 3, 3)))
@@ -54,7 +59,11 @@ def varying(profile: Profile) -> list[str]:
     return [name for name in names if isinstance(getattr(profile, name), np.ndarray)]
 
 
-def _parts(profile: Profile, count: int, size: int) -> Iterator[tuple[slice, Profile]]:
+def _parts(
+    profile: Profile,
+    count: int,
+    size: int,
+) -> Iterator[tuple[slice, Profile]]:
     """Yield the profile of some designs at a time."""
     names = varying(profile)
     for start in range(0, count, size):
@@ -92,7 +101,11 @@ def _integrals(profile: Profile) -> tuple[Array, Array]:
     return found, np.asarray(2 * SHEAR_CORRECTION * axial)
 
 
-def highest_stress(profile: Profile, wrenches: Array, out_of_plane: Any = 0.0) -> Array:
+def highest_stress(
+    profile: Profile,
+    wrenches: Array,
+    out_of_plane: Any = 0.0,
+) -> Array:
     """Return the highest von Mises stress (n, c), MPa times mm of thickness, of n designs.
 
     wrenches : (n, c, 3), on the far end at the centre, N and N mm.
@@ -132,7 +145,11 @@ class _Envelope(NamedTuple):
         found = [self._highest(slice(start, start + size), loads) for start in starts]
         return np.concatenate(found)
 
-    def _highest(self, some: slice, loads: Array) -> Array:
+    def _highest(
+        self,
+        some: slice,
+        loads: Array,
+    ) -> Array:
         """Return the highest stress of some designs under loads (n, 3, c)."""
         rates = self.rates[some] if self.rates.ndim > 2 else self.rates
         at_sections = rates @ loads[some]
@@ -171,7 +188,11 @@ def _right_sections(profile: Profile) -> Array:
     return np.asarray(sections[..., [*order, ends - 1]])
 
 
-def _rates(profile: Profile, x: Array, side: float) -> Array:
+def _rates(
+    profile: Profile,
+    x: Array,
+    side: float,
+) -> Array:
     """Return `Profile.section_stress` (..., m, 3) per N, V, M at (..., m), times thickness."""
     K = profile.concentration(x, side)
     height = profile.height(x)

@@ -41,7 +41,11 @@ def raised_in_plane(ratio: Array, out_of_plane: Array) -> Concentration:
     return Concentration(K.bending * along, K.tension * along, K.shear * along)
 
 
-def raised_in_depth(ratio: Array, depth_ratio: Array, poissons_ratio: Array) -> Concentration:
+def raised_in_depth(
+    ratio: Array,
+    depth_ratio: Array,
+    poissons_ratio: Array,
+) -> Concentration:
     """Return the largest von Mises stress (...) at necks in three dimensions over that of a bar.
 
     ratio : (...), t/R.   depth_ratio : (...), b/t.
@@ -57,7 +61,12 @@ def raised_in_depth(ratio: Array, depth_ratio: Array, poissons_ratio: Array) -> 
     return Concentration(K.bending * bending, K.tension * tension, K.shear * bending)
 
 
-def neck_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentration) -> Array:
+def neck_stress(
+    wrench: Wrench,
+    neck: Array,
+    thickness: Array,
+    raised: Concentration,
+) -> Array:
     """Return the largest von Mises stress at each neck, MPa per mm, rad.
 
     It is (..., 3 chains, 3 hinges, 3 directions) for the nine hinges of a stage.
@@ -222,7 +231,11 @@ def required_law(material: Material, alternative: str = "") -> Basquin:
     )
 
 
-def equivalent(amplitude: Array, mean: Array, walker: float | Array) -> Array:
+def equivalent(
+    amplitude: Array,
+    mean: Array,
+    walker: float | Array,
+) -> Array:
     """Return the fully reversed amplitude (...) of equal life to amplitudes and means (...), MPa.
 
     It is zero without tension.
@@ -238,7 +251,11 @@ def equivalent(amplitude: Array, mean: Array, walker: float | Array) -> Array:
     return np.asarray(np.where(highest > 0.0, by_walker, 0.0))
 
 
-def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) -> BasquinFit:
+def fit_basquin(
+    stress: ArrayLike,
+    cycles: ArrayLike,
+    confidence: float = 95.0,
+) -> BasquinFit:
     """Fit Basquin's law to S-N points of unnotched specimens at zero mean stress, without run-outs.
 
     Parameters
@@ -308,7 +325,12 @@ class _Intervals(NamedTuple):
     exponent: tuple[float, float] | None
 
 
-def _basquin_intervals(x: Array, y: Array, slope: float, half: float) -> _Intervals:
+def _basquin_intervals(
+    x: Array,
+    y: Array,
+    slope: float,
+    half: float,
+) -> _Intervals:
     """Return the intervals of a fit of y on x (n,) with a slope and half of its interval.
 
     That of the stress at one reversal is Fieller's, which is unbounded for some slopes.

@@ -211,7 +211,13 @@ def _in_plane_terms(
     ]
 
 
-def _membrane(along: _Along, ratio: float, shear: float, thickness: float, count: int) -> Array:
+def _membrane(
+    along: _Along,
+    ratio: float,
+    shear: float,
+    thickness: float,
+    count: int,
+) -> Array:
     """Return the axial compliance (1, 1) times Young's modulus and thickness."""
     u = np.arange(count)
     v = count + np.arange(count)
@@ -219,7 +225,13 @@ def _membrane(along: _Along, ratio: float, shear: float, thickness: float, count
     return _compliance(along, terms, 2 * count, np.eye(1))
 
 
-def _plate(along: _Along, ratio: float, shear: float, thickness: float, count: int) -> Array:
+def _plate(
+    along: _Along,
+    ratio: float,
+    shear: float,
+    thickness: float,
+    count: int,
+) -> Array:
     """Return the compliance (2, 2), transverse at the centre and rotational, times E and thickness.
 
     shear : modulus of transverse shear over Young's modulus.
@@ -247,7 +259,12 @@ def _plate(along: _Along, ratio: float, shear: float, thickness: float, count: i
     return _compliance(along, terms, 3 * count, np.array([[1.0, 0.0], [-half, 1.0]]))
 
 
-def _compliance(along: _Along, terms: Sequence[_Term], fields: int, loads: Array) -> Array:
+def _compliance(
+    along: _Along,
+    terms: Sequence[_Term],
+    fields: int,
+    loads: Array,
+) -> Array:
     """Return the compliance (d, d) for loads (d, d) on the first d fields at the far end.
 
     All others are held there, and all at the near end. The matrix is banded, and kept by the
@@ -269,7 +286,11 @@ def _compliance(along: _Along, terms: Sequence[_Term], fields: int, loads: Array
     return np.asarray(loads.T @ moved[-len(loads) :])
 
 
-def _element_matrices(along: _Along, terms: Sequence[_Term], fields: int) -> Array:
+def _element_matrices(
+    along: _Along,
+    terms: Sequence[_Term],
+    fields: int,
+) -> Array:
     """Return the stiffness matrices (e, n * fields, n * fields) of the elements, node by node."""
     count, _, nodes = along.values.shape
     blocks = np.zeros((count, nodes, fields, nodes, fields))

@@ -67,7 +67,11 @@ class Contents(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def arc(centre: complex, start: complex, turn: float) -> list[Segment]:
+def arc(
+    centre: complex,
+    start: complex,
+    turn: float,
+) -> list[Segment]:
     """Circular arc from `start` in parts of less than half a turn.
 
     A positive `turn`, rad, is counter-clockwise.
@@ -81,7 +85,11 @@ def arc(centre: complex, start: complex, turn: float) -> list[Segment]:
     return [Segment(a, b, centre) for a, b in pairwise(points)]
 
 
-def with_ends(segment: Segment, start: complex, end: complex) -> Segment:
+def with_ends(
+    segment: Segment,
+    start: complex,
+    end: complex,
+) -> Segment:
     """Return the line or arc between moved ends.
 
     The centre of an arc moves to the nearest point between them.
@@ -129,7 +137,11 @@ def bezier(points: Sequence[complex]) -> Approximation:
     return approximated(at, np.linspace(0, 1, 3), of_circle=degree == 3)
 
 
-def approximated(at: Points, breaks: AnyArray, of_circle: bool = False) -> Approximation:
+def approximated(
+    at: Points,
+    breaks: AnyArray,
+    of_circle: bool = False,
+) -> Approximation:
     """Lines and arcs in place of a curve, each through the ends and the middle of a piece.
 
     Parameters
@@ -188,7 +200,11 @@ def _arcs_through(points: AnyArray) -> tuple[AnyArray, Array]:
     start = points[:, :1]
     half = points[:, 4] - points[:, 0]
     chord = points[:, -1] - points[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+    with np.errstate(
+        divide="ignore",
+        invalid="ignore",
+        over="ignore",
+    ):
         turn = (np.conj(half) * chord).imag
         squares = half * np.abs(chord) ** 2 - chord * np.abs(half) ** 2
         centres = points[:, 0] + 0.5j * squares / turn
@@ -244,7 +260,11 @@ def _circular(at: Points, of_circle: bool) -> Approximation | None:
     return Approximation(segments, deviation)
 
 
-def _centre_of(first: complex, second: complex, third: complex) -> complex | None:
+def _centre_of(
+    first: complex,
+    second: complex,
+    third: complex,
+) -> complex | None:
     """Return the centre of the circle through three points, None of a line."""
     u = second - first
     v = third - first

@@ -65,7 +65,11 @@ class Edges:
         self._ends = [np.array([segment[:2] for segment in loop]) for loop in loops]
         self._arcs = [np.array([segment.centre is not None for segment in loop]) for loop in loops]
 
-    def position(self, loop: int, z: complex) -> tuple[float, float]:
+    def position(
+        self,
+        loop: int,
+        z: complex,
+    ) -> tuple[float, float]:
         """Return the position on a loop that is nearest to a point, and its distance, mm."""
         start, end = self._ends[loop].T
         chords = np.abs(end - start)
@@ -102,7 +106,11 @@ class Edges:
         return found
 
 
-def cut_of(edges: Edges, neck: Neck, fit: Fit) -> Cut | None:
+def cut_of(
+    edges: Edges,
+    neck: Neck,
+    fit: Fit,
+) -> Cut | None:
     """Return the hinge with the parts of the edge that it takes.
 
     None where they do not enclose it.
@@ -125,7 +133,12 @@ def cut_of(edges: Edges, neck: Neck, fit: Fit) -> Cut | None:
     return Cut(neck, fit, right, left, (first, second, third, fourth))
 
 
-def _stretch_at(edges: Edges, loop: int, start: complex, end: complex) -> Stretch | None:
+def _stretch_at(
+    edges: Edges,
+    loop: int,
+    start: complex,
+    end: complex,
+) -> Stretch | None:
     """Return the part of a loop between two points, None where one of them is off the loop."""
     first, first_distance = edges.position(loop, start)
     last, last_distance = edges.position(loop, end)
@@ -261,7 +274,11 @@ def _to_next_hinge(
     return path, following.hinge, following.end
 
 
-def _from_to(path: list[Segment], start: complex, end: complex) -> list[Segment]:
+def _from_to(
+    path: list[Segment],
+    start: complex,
+    end: complex,
+) -> list[Segment]:
     """Return a path whose first and last point are moved to others near them."""
     if not path:
         return [Segment(start, end)] if abs(end - start) > SHORTEST else []
@@ -271,7 +288,11 @@ def _from_to(path: list[Segment], start: complex, end: complex) -> list[Segment]
     return path
 
 
-def _moved(segment: Segment, start: complex, end: complex) -> Segment:
+def _moved(
+    segment: Segment,
+    start: complex,
+    end: complex,
+) -> Segment:
     """Return a segment between other ends near its own; an arc keeps the angle that it turns."""
     if segment.centre is None:
         return Segment(start, end)

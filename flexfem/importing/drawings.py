@@ -335,7 +335,12 @@ def imported(
     return assembled(found, wishes, heading_of(source, reading, drawing.thickness, name))
 
 
-def heading_of(source: Path, reading: Reading, drawn: float | None, name: str | None) -> Heading:
+def heading_of(
+    source: Path,
+    reading: Reading,
+    drawn: float | None,
+    name: str | None,
+) -> Heading:
     """Return what the file states about the whole plate.
 
     drawn : thickness that the drawing states, mm.
@@ -365,7 +370,11 @@ def heading_of(source: Path, reading: Reading, drawn: float | None, name: str | 
     )
 
 
-def assembled(found: FoundPlate, wishes: Wishes, heading: Heading) -> ImportedPlate:
+def assembled(
+    found: FoundPlate,
+    wishes: Wishes,
+    heading: Heading,
+) -> ImportedPlate:
     """Return the mechanism of a found plate, and how far it is off the drawing.
 
     Raises BadInput as `import_drawing`.

@@ -77,7 +77,11 @@ class _Place(NamedTuple):
     groups: tuple[str, ...]
 
 
-def read_dxf(data: bytes, path: Path, unit: DrawingUnit | None) -> Contents:
+def read_dxf(
+    data: bytes,
+    path: Path,
+    unit: DrawingUnit | None,
+) -> Contents:
     """Read the curves of the model space.
 
     Dimensions, texts, hatches, hidden and centre lines and layers that are off are left out and
@@ -143,7 +147,12 @@ def _unit_of(document: Any) -> DrawingUnit | None:
 class _Reader:
     """The curves of a document, as they are read."""
 
-    def __init__(self, document: Any, scale: float, start: float) -> None:
+    def __init__(
+        self,
+        document: Any,
+        scale: float,
+        start: float,
+    ) -> None:
         self.document = document
         self.scale = scale
         self.start = start
@@ -153,7 +162,12 @@ class _Reader:
         self.deviation = 0.0
         self.count = 0
 
-    def read(self, entities: Iterable[Any], place: _Place, depth: int) -> None:
+    def read(
+        self,
+        entities: Iterable[Any],
+        place: _Place,
+        depth: int,
+    ) -> None:
         """Read entities of a layout or a block."""
         for entity in within_limit(entities, self.start):
             self.count += 1
@@ -171,7 +185,11 @@ class _Reader:
             else:
                 self._read_entity(entity, kind, at)
 
-    def _place(self, entity: Any, around: _Place) -> _Place:
+    def _place(
+        self,
+        entity: Any,
+        around: _Place,
+    ) -> _Place:
         """Return where an entity stands; on layer 0 of a block it takes the layer of the block."""
         layer = str(entity.dxf.get("layer", "0"))
         if layer == "0" and around.groups:
@@ -189,7 +207,12 @@ class _Reader:
             return "CONTINUOUS"
         return str(self.document.layers.get(layer).dxf.get("linetype", "CONTINUOUS"))
 
-    def _reason_to_leave(self, entity: Any, kind: str, at: _Place) -> str:
+    def _reason_to_leave(
+        self,
+        entity: Any,
+        kind: str,
+        at: _Place,
+    ) -> str:
         """Return as what an entity is counted that is no edge of metal, "" for a curve."""
         if kind in NOT_DRAWN:
             return NOT_DRAWN[kind]
@@ -216,7 +239,12 @@ class _Reader:
             return any(tag.code == 49 and tag.value < 0 for tag in tags)
         return DASHED.search(name) is not None
 
-    def _read_block(self, insert: Any, at: _Place, depth: int) -> None:
+    def _read_block(
+        self,
+        insert: Any,
+        at: _Place,
+        depth: int,
+    ) -> None:
         """Read what a block reference draws, also in rows and columns."""
         if depth >= DEEPEST:
             raise BadInput(
@@ -239,10 +267,19 @@ class _Reader:
             return
         yield from insert.virtual_entities(skipped_entity_callback=self._skipped)
 
-    def _skipped(self, entity: Any, _: str) -> None:
+    def _skipped(
+        self,
+        entity: Any,
+        _: str,
+    ) -> None:
         self.left_out[NOT_DRAWN.get(entity.dxftype(), f"{entity.dxftype()} entities")] += 1
 
-    def _read_entity(self, entity: Any, kind: str, at: _Place) -> None:
+    def _read_entity(
+        self,
+        entity: Any,
+        kind: str,
+        at: _Place,
+    ) -> None:
         """Add the curve of an entity."""
         if kind == "POINT":
             self.points.append(DrawnMark(at.layer, (self._plane(entity.dxf.location),)))
@@ -274,7 +311,11 @@ class _Reader:
         self.deviation = max(self.deviation, found.deviation)
         return found.segments
 
-    def _arc(self, entity: Any, kind: str) -> list[Segment]:
+    def _arc(
+        self,
+        entity: Any,
+        kind: str,
+    ) -> list[Segment]:
         """Circle or arc, which is an ellipse where its plane is inclined."""
         axis = entity.dxf.extrusion
         if math.hypot(axis.x, axis.y) > 1e-9 * abs(axis.z):

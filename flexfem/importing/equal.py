@@ -109,7 +109,11 @@ class PartShape(NamedTuple):
     role: str | None
 
 
-def shape_of(sides: Sequence[Segment], clamped: Sequence[int], role: str | None) -> PartShape:
+def shape_of(
+    sides: Sequence[Segment],
+    clamped: Sequence[int],
+    role: str | None,
+) -> PartShape:
     """Return the shape of a body from its sides, of which some are clamped."""
     corners = [side.start for side in sides]
     middles = [complex(side.at(0.5)) for side in sides]
@@ -244,7 +248,12 @@ class _Parts:
         for _, k in _frequent([(round(z.real, 3), round(z.imag, 3)) for z in middle.tolist()]):
             yield _Rotation(rounded(complex(middle[k])), 2)
 
-    def copied(self, move: _Rotation | _Mirror, bodies: set[int], kept: set[int]) -> CopiedParts:
+    def copied(
+        self,
+        move: _Rotation | _Mirror,
+        bodies: set[int],
+        kept: set[int],
+    ) -> CopiedParts:
         """Return the parts, of those given, that a move takes to others again and again."""
         if isinstance(move, _Mirror):
             plan = CopiedParts((), (), 2, 0j, (move.first, move.second), ())
@@ -270,7 +279,11 @@ class _Parts:
             bodies=tuple(sorted(chosen)), hinges=tuple(hinges), images=tuple(copies)
         )
 
-    def _copied_hinges(self, orbits: Sequence[Sequence[int]], steps: _Steps) -> list[int]:
+    def _copied_hinges(
+        self,
+        orbits: Sequence[Sequence[int]],
+        steps: _Steps,
+    ) -> list[int]:
         """Return one hinge of each orbit whose images connect the images of its bodies.
 
         The hinges lie near to each other.
@@ -285,7 +298,11 @@ class _Parts:
                     break
         return found
 
-    def _body_images(self, move: Move, bodies: set[int]) -> dict[int, int]:
+    def _body_images(
+        self,
+        move: Move,
+        bodies: set[int],
+    ) -> dict[int, int]:
         """Return the bodies to which a move takes bodies."""
         images = dict[int, int]()
         for body in bodies:
@@ -295,7 +312,11 @@ class _Parts:
                     images[body] = other
         return images
 
-    def _hinge_images(self, move: Move, kept: set[int]) -> dict[int, int]:
+    def _hinge_images(
+        self,
+        move: Move,
+        kept: set[int],
+    ) -> dict[int, int]:
         """Return the hinges to which a move takes hinges."""
         if self.tree is None:
             return {}
@@ -310,7 +331,12 @@ class _Parts:
                 images[hinge] = other
         return images
 
-    def _same_body(self, one: int, other: int, move: Move) -> bool:
+    def _same_body(
+        self,
+        one: int,
+        other: int,
+        move: Move,
+    ) -> bool:
         shape = self.shapes[one]
         target = self.shapes[other]
         if shape.role is None or shape.role != target.role:
@@ -321,7 +347,12 @@ class _Parts:
         apart = np.abs(move(shape.clamped)[:, None] - target.clamped).min(axis=1, initial=np.inf)
         return bool(np.max(gaps) <= EQUAL and np.all(apart <= EQUAL))
 
-    def _same_axis(self, one: int, other: int, move: Move) -> bool:
+    def _same_axis(
+        self,
+        one: int,
+        other: int,
+        move: Move,
+    ) -> bool:
         """Whether axis and edges of a hinge become those of another.
 
         The other one may be described in the opposite sense.
@@ -336,7 +367,11 @@ class _Parts:
             image = turned_round(image)
         return abs(turn.imag) * reach <= EQUAL and _same_edges(image, target)
 
-    def _connected(self, orbits: Sequence[Sequence[int]], kept: set[int]) -> set[int]:
+    def _connected(
+        self,
+        orbits: Sequence[Sequence[int]],
+        kept: set[int],
+    ) -> set[int]:
         """Return one body of each orbit, those that hinges connect where there is a choice."""
         orbit_of = {body: k for k, orbit in enumerate(orbits) for body in orbit}
         beside: dict[int, list[int]] = {}
@@ -356,7 +391,11 @@ class _Parts:
                     ahead += beside.get(body, [])
         return chosen
 
-    def _follows(self, index: int, steps: _Steps) -> bool:
+    def _follows(
+        self,
+        index: int,
+        steps: _Steps,
+    ) -> bool:
         """Whether the images of a hinge connect what a [[copy]] connects them to."""
         hinge = self.hinges[index]
         if any(end in steps.movable and end not in steps.chosen for end in hinge.bodies):

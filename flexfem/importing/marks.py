@@ -91,7 +91,11 @@ def _connected(curves: list[DrawnCurve], tolerance: float) -> list[list[DrawnCur
     return list(members.values())
 
 
-def _is_metal(group: Sequence[DrawnCurve], regions: Regions, tolerance: float) -> bool:
+def _is_metal(
+    group: Sequence[DrawnCurve],
+    regions: Regions,
+    tolerance: float,
+) -> bool:
     """Whether connected curves on layers of marks are edges of metal, by the rule above."""
     if _meets_an_open_end(group, regions, tolerance):
         return True
@@ -101,7 +105,11 @@ def _is_metal(group: Sequence[DrawnCurve], regions: Regions, tolerance: float) -
     return any(_encloses(one, other) or _is_beside(one, other) for one in filled for other in metal)
 
 
-def _meets_an_open_end(group: Sequence[DrawnCurve], regions: Regions, tolerance: float) -> bool:
+def _meets_an_open_end(
+    group: Sequence[DrawnCurve],
+    regions: Regions,
+    tolerance: float,
+) -> bool:
     """Whether an open end of the other layers is at one of the curves."""
     ends = np.array([end for chain in regions.open for end in chain.ends], dtype=complex)
     if not len(ends):

@@ -223,7 +223,11 @@ class _Parts:
             triangle = self.of[triangle]
         return triangle
 
-    def join(self, one: int, other: int) -> None:
+    def join(
+        self,
+        one: int,
+        other: int,
+    ) -> None:
         """Make one part of two."""
         if self.widest[one] >= self.widest[other]:
             self.of[other] = one
@@ -231,7 +235,11 @@ class _Parts:
             self.of[one] = other
 
 
-def _chords(neighbours: Index, sides: _Sides, is_metal: AnyArray) -> tuple[Index, Index]:
+def _chords(
+    neighbours: Index,
+    sides: _Sides,
+    is_metal: AnyArray,
+) -> tuple[Index, Index]:
     """Return the numbers (c, 2) of the triangles of metal at every chord, and its points (c, 2)."""
     index = np.arange(len(is_metal))[:, None]
     inside = is_metal[:, None] & is_metal[neighbours]
@@ -290,6 +298,10 @@ def necks_of(found: Triangles, narrower: float = NARROWER) -> tuple[list[Neck], 
     return separate, closing
 
 
-def _neck(found: Triangles, chord: int, beyond: float) -> Neck:
+def _neck(
+    found: Triangles,
+    chord: int,
+    beyond: float,
+) -> Neck:
     first, second = found.chords[chord].tolist()
     return Neck(found.place(first), found.place(second), float(found.lengths[chord]), beyond, chord)

@@ -129,7 +129,11 @@ class Shapes:
             )
         )
 
-    def at(self, which: AnyArray, shares: Array) -> AnyArray:
+    def at(
+        self,
+        which: AnyArray,
+        shares: Array,
+    ) -> AnyArray:
         """Points (n, k) of n segments at shares (k,) of their lengths."""
         start = self.start[which, None]
         end = self.end[which, None]
@@ -138,7 +142,11 @@ class Shapes:
         straight = start + (end - start) * shares
         return np.asarray(np.where(self.curved[which, None], bent, straight))
 
-    def projected(self, which: AnyArray, points: AnyArray) -> tuple[Array, Array]:
+    def projected(
+        self,
+        which: AnyArray,
+        points: AnyArray,
+    ) -> tuple[Array, Array]:
         """Shares (n,) of points (n,) projected on n segments, and distances (n,), mm.
 
         The distances are those from whole lines and circles.
@@ -156,7 +164,11 @@ class Shapes:
         off_lines = np.abs(ahead.imag) * np.abs(end - start)
         return np.where(curved, of_arcs, ahead.real), np.where(curved, off_arcs, off_lines)
 
-    def near(self, points: AnyArray, distance: float) -> tuple[AnyArray, AnyArray]:
+    def near(
+        self,
+        points: AnyArray,
+        distance: float,
+    ) -> tuple[AnyArray, AnyArray]:
         """Indices of points, and of segments whose boxes are within a distance of them."""
         dots = np.array([*map(shapely.Point, points.real, points.imag)], dtype=object)
         found = [np.empty((2, 0), dtype=int)]
@@ -218,7 +230,12 @@ def _snapped(curves: Sequence[DrawnCurve]) -> CurveNetwork:
 def _merged(ends: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Return places at which ends (n,) nearer than `SNAP` are one, and the place (n,) of each."""
     fine = np.round(_columns(ends) / (SNAP / 4))
-    _, first, index = np.unique(fine, axis=0, return_index=True, return_inverse=True)
+    _, first, index = np.unique(
+        fine,
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
     places = ends[first]
     pairs = cKDTree(_columns(places)).query_pairs(SNAP, output_type="ndarray")
     labels = _parts(pairs, len(places))
@@ -286,7 +303,11 @@ def _divided(network: CurveNetwork, distance: float) -> CurveNetwork:
     return network._replace(edges=edges)
 
 
-def _pieces(edge: Edge, between: Iterable[int], points: AnyArray) -> list[Edge]:
+def _pieces(
+    edge: Edge,
+    between: Iterable[int],
+    points: AnyArray,
+) -> list[Edge]:
     """Return the parts of an edge that is divided at vertices in their order along it."""
     pieces = list[Edge]()
     start = edge.start
@@ -296,7 +317,13 @@ def _pieces(edge: Edge, between: Iterable[int], points: AnyArray) -> list[Edge]:
             low = complex(points[start])
             high = complex(points[end])
             segment = with_ends(Segment(low, high, edge.segment.centre), low, high)
-            pieces.append(edge._replace(segment=segment, start=start, end=end))
+            pieces.append(
+                edge._replace(
+                    segment=segment,
+                    start=start,
+                    end=end,
+                )
+            )
             start = end
     return pieces
 
@@ -353,7 +380,13 @@ def _nearest_pairs(
     return sorted(pairs)
 
 
-def _corner(points: AnyArray, first: Edge, one: int, second: Edge, other: int) -> complex:
+def _corner(
+    points: AnyArray,
+    first: Edge,
+    one: int,
+    second: Edge,
+    other: int,
+) -> complex:
     """Point at which two edges meet, near the gap between their ends.
 
     It is where their lines cross if that is near, else the middle of the gap.

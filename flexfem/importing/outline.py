@@ -124,7 +124,11 @@ def vertices_of(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Verte
     return found
 
 
-def _rounded_corner(before: Side, fillet: Side, after: Side) -> Vertex:
+def _rounded_corner(
+    before: Side,
+    fillet: Side,
+    after: Side,
+) -> Vertex:
     """Return the corner at which the sides beside a fillet would meet."""
     assert fillet.centre is not None
     corner = _crossing(
@@ -154,14 +158,22 @@ def _sides(loop: Sequence[Segment], ends: Sequence[HingeEnd]) -> list[Side]:
     return joined
 
 
-def _side(segment: Segment, index: int, ends: Sequence[HingeEnd]) -> Side:
+def _side(
+    segment: Segment,
+    index: int,
+    ends: Sequence[HingeEnd],
+) -> Side:
     on = list[HingeEnd]()
     if segment.centre is None:
         on = [end for end in ends if _ends_on(end, segment.start, segment.end)]
     return Side(segment.start, segment.end, segment.centre, segment.turn, tuple(on), (index,))
 
 
-def _ends_on(end: HingeEnd, start: complex, stop: complex) -> bool:
+def _ends_on(
+    end: HingeEnd,
+    start: complex,
+    stop: complex,
+) -> bool:
     """Whether the middle of the end of a hinge lies on a line at right angles to its axis."""
     along = stop - start
     place = (end.middle - start) / along
@@ -184,7 +196,11 @@ def _joined(one: Side, other: Side) -> Side | None:
     return None
 
 
-def _is_fillet(before: Side, side: Side, after: Side) -> bool:
+def _is_fillet(
+    before: Side,
+    side: Side,
+    after: Side,
+) -> bool:
     """Whether an arc between two lines can be written as a corner with a radius."""
     if side.centre is None or before.centre is not None or after.centre is not None:
         return False
@@ -202,7 +218,12 @@ def _is_fillet(before: Side, side: Side, after: Side) -> bool:
     return all(abs(cmath.phase(bend)) < TANGENT for bend in bends)
 
 
-def _crossing(a: complex, u: complex, b: complex, v: complex) -> complex | None:
+def _crossing(
+    a: complex,
+    u: complex,
+    b: complex,
+    v: complex,
+) -> complex | None:
     """Return the common point of two lines through points along vectors; None for parallel ones."""
     across = (u.conjugate() * v).imag
     if abs(across) <= PARALLEL * abs(u) * abs(v):
@@ -253,7 +274,11 @@ def outline_rows(placed: Sequence[PlacedVertex]) -> list[list[float | str]]:
     return rows
 
 
-def _is_straight(one: Side, other: Side, most: float) -> bool:
+def _is_straight(
+    one: Side,
+    other: Side,
+    most: float,
+) -> bool:
     """Whether two lines go on in one direction, with their common point at most so far off it."""
     along = one.end - one.start
     chord = other.end - one.start
@@ -343,7 +368,11 @@ def _way(side: Side, other: Side) -> complex:
     return along / share if abs(share) > PARALLEL else outwards
 
 
-def _coordinate(value: float, terms: Sequence[tuple[complex, Term]], part: complex) -> float | str:
+def _coordinate(
+    value: float,
+    terms: Sequence[tuple[complex, Term]],
+    part: complex,
+) -> float | str:
     """Return a coordinate as a number, or as an expression with the parameters that move it."""
     shares = dict[str, float]()
     values = dict[str, float]()

@@ -104,7 +104,11 @@ class _Wanted(NamedTuple):
     thickness: float | None
 
 
-def _contents(file: Path, unit: DrawingUnit | None, part: int | str | None) -> Contents:
+def _contents(
+    file: Path,
+    unit: DrawingUnit | None,
+    part: int | str | None,
+) -> Contents:
     """Return the curves of a file, each reader's own. Raises BadInput."""
     suffix = file.suffix.lower()
     if suffix not in FORMATS:
@@ -138,7 +142,11 @@ def _bytes_of(file: Path) -> bytes:
     return data
 
 
-def _drawing(file: Path, contents: Contents, wanted: _Wanted) -> Drawing:
+def _drawing(
+    file: Path,
+    contents: Contents,
+    wanted: _Wanted,
+) -> Drawing:
     """Return the wanted plate. Raises BadInput."""
     _check_curves(contents, wanted)
     found = sorted_curves(contents.curves, wanted.tolerance)
@@ -186,7 +194,11 @@ def _extent(segments: Sequence[Segment]) -> tuple[complex, complex]:
     return low, complex(float(points.real.max()), float(points.imag.max()))
 
 
-def _check_size(across: float, most: float, wanted: _Wanted) -> None:
+def _check_size(
+    across: float,
+    most: float,
+    wanted: _Wanted,
+) -> None:
     """Refuse a plate whose size does not fit its unit.
 
     most : 0 when only small ones are refused.
@@ -244,7 +256,12 @@ def _names_of(plate: DrawnPlate, curves: Sequence[DrawnCurve]) -> list[str]:
     return list(dict.fromkeys(name for curve in owners for name in (*curve.groups, curve.layer)))
 
 
-def _check_plate(plate: DrawnPlate, found: Sorted, contents: Contents, wanted: _Wanted) -> None:
+def _check_plate(
+    plate: DrawnPlate,
+    found: Sorted,
+    contents: Contents,
+    wanted: _Wanted,
+) -> None:
     """Refuse a plate of a size that does not fit its unit, or with other contours that are wrong.
 
     They are open or cross each other within the box around the plate, or touch each other.

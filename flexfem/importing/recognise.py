@@ -74,7 +74,11 @@ def _left_over(necks: Sequence[Neck], cuts: Sequence[Cut]) -> list[Neck]:
     return [neck for neck in left if neck.beyond > THIN * neck.width]
 
 
-def _hinges(cuts: Sequence[Cut], result: Divided, scale: float) -> list[FoundHinge]:
+def _hinges(
+    cuts: Sequence[Cut],
+    result: Divided,
+    scale: float,
+) -> list[FoundHinge]:
     """Return the hinges in the size of the drawing."""
     pairs = zip(cuts, result.between, strict=True)
     return [_hinge(cut, bodies, scale) for cut, bodies in pairs]
@@ -93,7 +97,11 @@ def _hinges_and_bodies(
     return [], divided(edges, [])
 
 
-def _first(edges: Edges, necks: Sequence[Neck], scale: float) -> list[Cut]:
+def _first(
+    edges: Edges,
+    necks: Sequence[Neck],
+    scale: float,
+) -> list[Cut]:
     """Return the first fit of each neck that is apart from those of narrower necks."""
     room = Room(edges.loops)
     cuts = list[Cut]()
@@ -140,7 +148,11 @@ def _shortened(edges: Edges, cut: Cut) -> Cut:
     return cut
 
 
-def _is_whole(edges: Edges, cuts: Sequence[Cut], result: Divided) -> bool:
+def _is_whole(
+    edges: Edges,
+    cuts: Sequence[Cut],
+    result: Divided,
+) -> bool:
     """Return whether bodies and hinges have the area of the plate.
 
     It may differ by the deviations of the edges of hinges.
@@ -213,7 +225,11 @@ def _is_rim(edges: Edges, cut: Cut) -> bool:
     return right is not left and (circle_of(right) is None) != (circle_of(left) is None)
 
 
-def _hinge(cut: Cut, bodies: tuple[int, int], scale: float) -> FoundHinge:
+def _hinge(
+    cut: Cut,
+    bodies: tuple[int, int],
+    scale: float,
+) -> FoundHinge:
     """Return a hinge in the size of the drawing."""
     fit = cut.fit
     rows: tuple[tuple[float, ...], ...] = ()
@@ -237,7 +253,11 @@ def _hinge(cut: Cut, bodies: tuple[int, int], scale: float) -> FoundHinge:
     )
 
 
-def _body(body: FoundBody, drawing: Drawing, scale: float) -> FoundBody:
+def _body(
+    body: FoundBody,
+    drawing: Drawing,
+    scale: float,
+) -> FoundBody:
     """Return a body in the size of the drawing, with the sides on its open marks of the ground."""
     outside = tuple(resized(segment, scale) for segment in body.outside)
     holes = tuple(tuple(resized(segment, scale) for segment in hole) for hole in body.holes)

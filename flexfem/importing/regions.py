@@ -130,7 +130,11 @@ def _crossings(network: CurveNetwork) -> AnyArray:
     return np.concatenate(found)
 
 
-def _common_points(shapes: Shapes, one: AnyArray, other: AnyArray) -> tuple[AnyArray, AnyArray]:
+def _common_points(
+    shapes: Shapes,
+    one: AnyArray,
+    other: AnyArray,
+) -> tuple[AnyArray, AnyArray]:
     """Two common points (n,) of the lines and circles of pairs of segments, nan for none."""
     lines_second = shapes.curved[one] & ~shapes.curved[other]
     first = np.where(lines_second, other, one)
@@ -147,7 +151,11 @@ def _common_points(shapes: Shapes, one: AnyArray, other: AnyArray) -> tuple[AnyA
     )
 
 
-def _common_lines(shapes: Shapes, first: AnyArray, second: AnyArray) -> tuple[AnyArray, AnyArray]:
+def _common_lines(
+    shapes: Shapes,
+    first: AnyArray,
+    second: AnyArray,
+) -> tuple[AnyArray, AnyArray]:
     """Points and directions (n,) of lines through the common points of pairs of segments.
 
     They are the first segments themselves, or the lines through the common points of two circles.
@@ -180,7 +188,12 @@ def _crossings_of_lines(
     return np.asarray(start + ahead * share)
 
 
-def _beyond(shapes: Shapes, one: AnyArray, other: AnyArray, points: AnyArray) -> Array:
+def _beyond(
+    shapes: Shapes,
+    one: AnyArray,
+    other: AnyArray,
+    points: AnyArray,
+) -> Array:
     """Return how far (n,) pairs of segments reach beyond each other at their common points, mm.
 
     It is 0 where they do not cross.
@@ -460,7 +473,11 @@ def _metal(
 
 
 def _directed(half: _Half) -> Edge:
-    return half.edge._replace(segment=half.segment, start=half.start, end=half.end)
+    return half.edge._replace(
+        segment=half.segment,
+        start=half.start,
+        end=half.end,
+    )
 
 
 def _around(

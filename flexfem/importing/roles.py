@@ -122,7 +122,11 @@ def roles_of(found: FoundPlate, wishes: Wishes) -> Roles:
 class _Assignment:
     """The bodies of a plate as polygons, and the search for their roles."""
 
-    def __init__(self, found: FoundPlate, wishes: Wishes) -> None:
+    def __init__(
+        self,
+        found: FoundPlate,
+        wishes: Wishes,
+    ) -> None:
         self.found = found
         self.wishes = wishes
         self.place = place_of(found.drawing.path)
@@ -205,7 +209,11 @@ class _Assignment:
         self.sources["ground"] = f"read from {self.found.drawing.path.name}, layer {layers}"
         return fixed, clamped
 
-    def _output(self, fixed: set[int], clamped: dict[int, tuple[int, ...]]) -> tuple[int, complex]:
+    def _output(
+        self,
+        fixed: set[int],
+        clamped: dict[int, tuple[int, ...]],
+    ) -> tuple[int, complex]:
         moving = [k for k in range(len(self.polygons)) if k not in fixed]
         if not moving:
             raise BadInput(f"{self.place}: every body is ground, expected one that moves")
@@ -229,7 +237,11 @@ class _Assignment:
         centre = self.polygons[body].centroid
         return body, complex(round(centre.x, 4), round(centre.y, 4)) + 0j
 
-    def _contact(self, body: int, at: complex) -> float:
+    def _contact(
+        self,
+        body: int,
+        at: complex,
+    ) -> float:
         """Return the radius of the output on a body that is clamped itself.
 
         It is half the edge that the output is on, or a share of the body.
@@ -244,7 +256,11 @@ class _Assignment:
             radius = shapely.length(edge) / 2
         return round(float(min(radius, WIDEST * extent)), 4)
 
-    def _stated_output(self, point: complex, moving: Sequence[int]) -> int:
+    def _stated_output(
+        self,
+        point: complex,
+        moving: Sequence[int],
+    ) -> int:
         body = self._at(point, moving)
         if body is not None:
             return body
@@ -258,7 +274,11 @@ class _Assignment:
             "body"
         )
 
-    def _at(self, point: complex, bodies: Sequence[int]) -> int | None:
+    def _at(
+        self,
+        point: complex,
+        bodies: Sequence[int],
+    ) -> int | None:
         """Return which of the bodies a point is in, or in whose hole; None without one."""
         gaps = self._distances(point)
         inside = [k for k in bodies if gaps[k] <= self.near]
@@ -288,7 +308,11 @@ class _Assignment:
         nearest = int(np.argmin(gaps))
         return nearest if gaps[nearest] <= self.near else -1
 
-    def _edge_at(self, option: str, point: complex) -> tuple[int, int | None]:
+    def _edge_at(
+        self,
+        option: str,
+        point: complex,
+    ) -> tuple[int, int | None]:
         """Return the body at a point, and the segment of its outline if the point is on one."""
         gaps = self._distances(point)
         body = int(np.argmin(gaps))

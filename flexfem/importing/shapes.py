@@ -66,7 +66,11 @@ class Fit(NamedTuple):
     side: str | None = None
 
 
-def fits_of(loops: Sequence[Sequence[Segment]], neck: Neck, low: bool = False) -> Iterator[Fit]:
+def fits_of(
+    loops: Sequence[Sequence[Segment]],
+    neck: Neck,
+    low: bool = False,
+) -> Iterator[Fit]:
     """Yield the fits of a hinge at a neck, the simplest shape first.
 
     Each is in the frame in which it fits best. With `low`, they are only tables that end where the
@@ -126,7 +130,11 @@ def _roughs(loops: Sequence[Sequence[Segment]], neck: Neck) -> list[Axis]:
     return [Axis((start + end) / 2, cmath.phase(direction)) for direction in directions]
 
 
-def _suggested(loops: Sequence[Sequence[Segment]], neck: Neck, rough: Axis) -> Iterator[Axis]:
+def _suggested(
+    loops: Sequence[Sequence[Segment]],
+    neck: Neck,
+    rough: Axis,
+) -> Iterator[Axis]:
     """Yield frames that the edges suggest.
 
     They follow a line of one edge, the centres of two arcs, or the ends of both edges.
@@ -215,7 +223,12 @@ def _shapes(strip: Strip) -> Iterator[tuple[int, Fit]]:
                 yield order, _fit(strip, notch, shape, dimensions)
 
 
-def _fit(strip: Strip, notch: _Notch, shape: str, dimensions: dict[str, float]) -> Fit:
+def _fit(
+    strip: Strip,
+    notch: _Notch,
+    shape: str,
+    dimensions: dict[str, float],
+) -> Fit:
     given: dict[str, Any] = {
         key: math.radians(value) if key == "angle" else value for key, value in dimensions.items()
     }
@@ -240,7 +253,15 @@ def _candidates(notch: _Notch) -> Iterator[tuple[str, dict[str, float]]]:
     yield "circular", {"radius": length / 2, "neck": neck}
     if notch.root and notch.flank:
         angle = 180.0 - 2 * math.degrees(notch.flank)
-        yield "v", {"angle": angle, "root_radius": notch.root, "depth": depth, "neck": neck}
+        yield (
+            "v",
+            {
+                "angle": angle,
+                "root_radius": notch.root,
+                "depth": depth,
+                "neck": neck,
+            },
+        )
     yield "elliptical", {"length": length, "depth": depth, "neck": neck}
     yield "parabolic", {"length": length, "depth": depth, "neck": neck}
 
@@ -341,7 +362,11 @@ def corners_of(profile: Profile) -> tuple[complex, complex, complex, complex]:
     )
 
 
-def _deviation(strip: Strip, profile: Profile, centre: complex) -> float:
+def _deviation(
+    strip: Strip,
+    profile: Profile,
+    centre: complex,
+) -> float:
     """Return the largest distance, mm, of drawn edges from those of a profile about a centre."""
     left, right = edges_of(profile)
     of_left = distances(_drawn(strip.left) - centre, left)
@@ -440,7 +465,11 @@ def _first_positions(strip: Strip) -> Array:
     return x if len(x) >= 3 else np.linspace(low, high, 3)
 
 
-def _tabulated(strip: Strip, x: Array, is_smooth: bool) -> Tabulated:
+def _tabulated(
+    strip: Strip,
+    x: Array,
+    is_smooth: bool,
+) -> Tabulated:
     """Return the profile with rows at positions (n,), of two columns where both edges are alike."""
     left = height_at(strip.left, x)
     right = height_at(strip.right, x)
@@ -451,7 +480,11 @@ def _tabulated(strip: Strip, x: Array, is_smooth: bool) -> Tabulated:
     return Tabulated(tuple(rows), smooth=is_smooth)
 
 
-def _refined(strip: Strip, x: Array, is_smooth: bool) -> tuple[Array, float]:
+def _refined(
+    strip: Strip,
+    x: Array,
+    is_smooth: bool,
+) -> tuple[Array, float]:
     """Return positions at which a table follows the drawn edges, and its largest deviation, mm.
 
     Rows are added between positions (n,) where it does not.

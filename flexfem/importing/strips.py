@@ -83,14 +83,22 @@ class Strip(NamedTuple):
         return self.high - self.low
 
 
-def part(segment: Segment, first: float, last: float) -> Segment:
+def part(
+    segment: Segment,
+    first: float,
+    last: float,
+) -> Segment:
     """Return a part of a segment between two shares of its length."""
     start = segment.start if first == 0 else complex(segment.at(first))
     end = segment.end if last == 1 else complex(segment.at(last))
     return Segment(start, end, segment.centre)
 
 
-def from_place(loop: Sequence[Segment], place: Place, sense: int) -> Iterator[tuple[Segment, int]]:
+def from_place(
+    loop: Sequence[Segment],
+    place: Place,
+    sense: int,
+) -> Iterator[tuple[Segment, int]]:
     """Yield the segments of a loop from a place on, with their indices.
 
     sense : 1 for that of the loop, -1 for the opposite one.
@@ -157,7 +165,11 @@ def ways_of(
 ) -> Ways:
     """Return the edges from a neck outwards in a frame."""
 
-    def move(along: int, across: int, z: complex) -> complex:
+    def move(
+        along: int,
+        across: int,
+        z: complex,
+    ) -> complex:
         w = frame.into(z)
         return complex(along * w.real, across * w.imag)
 
@@ -230,7 +242,11 @@ def _continues(one: Segment, other: Segment) -> bool:
     return is_forward and abs(aside) < SHORTEST * 10
 
 
-def clipped(edge: Sequence[Segment], low: float, high: float) -> list[Segment]:
+def clipped(
+    edge: Sequence[Segment],
+    low: float,
+    high: float,
+) -> list[Segment]:
     """Return the part of an edge between two positions on the axis.
 
     Ends nearly there are moved to them.

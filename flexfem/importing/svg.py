@@ -92,7 +92,12 @@ def read_svg(data: bytes, unit: DrawingUnit | None) -> Contents:
     reader = _Reader(page, scale, left_out, start)
     try:
         text = io.BytesIO(ElementTree.tostring(root))
-        drawn = svgelements.SVG.parse(text, width=page.width, height=page.height, on_error="raise")
+        drawn = svgelements.SVG.parse(
+            text,
+            width=page.width,
+            height=page.height,
+            on_error="raise",
+        )
         reader.read(drawn)
     except BadInput:
         raise
@@ -117,7 +122,11 @@ class _Builder:
         self.depth = 0
         self.count = 0
 
-    def start(self, name: str, attributes: dict[str, str]) -> None:
+    def start(
+        self,
+        name: str,
+        attributes: dict[str, str],
+    ) -> None:
         """Begin an element."""
         self.depth += 1
         self.count += 1
@@ -246,7 +255,11 @@ def _target(element: ElementTree.Element) -> str | None:
     return link[1:] if link.startswith("#") else None
 
 
-def _name_layers(element: ElementTree.Element, groups: tuple[str, ...], layer: str) -> None:
+def _name_layers(
+    element: ElementTree.Element,
+    groups: tuple[str, ...],
+    layer: str,
+) -> None:
     """Write on every element the names that it is in, and which of them is its layer."""
     label = element.get(f"{INKSCAPE}label")
     names = [each for each in (label, element.get("id")) if each]
@@ -349,7 +362,13 @@ def _millimetres(text: str | None) -> float | None:
 class _Reader:
     """The curves of a drawing, as they are read."""
 
-    def __init__(self, page: _Page, scale: float, left_out: Counter[str], start: float) -> None:
+    def __init__(
+        self,
+        page: _Page,
+        scale: float,
+        left_out: Counter[str],
+        start: float,
+    ) -> None:
         self.page = page
         self.scale = scale
         self.start = start
@@ -372,7 +391,12 @@ class _Reader:
             for segments in self._subpaths(svgelements.Path(element).reify()):
                 self.curves.append(DrawnCurve(tuple(segments), layer or "0", groups))
 
-    def _reason_to_leave(self, element: Any, values: dict[str, Any], layer: str) -> str:
+    def _reason_to_leave(
+        self,
+        element: Any,
+        values: dict[str, Any],
+        layer: str,
+    ) -> str:
         """Return as what a shape is counted that is no edge of metal, "" for an edge."""
         if is_remark(layer):
             return f"elements of {layer}"
@@ -435,7 +459,12 @@ class _Reader:
             return _line(start, end)
         return self._kept(bezier(points))
 
-    def _arc(self, piece: Any, start: complex, end: complex) -> list[Segment]:
+    def _arc(
+        self,
+        piece: Any,
+        start: complex,
+        end: complex,
+    ) -> list[Segment]:
         """Arc of a circle or an ellipse."""
         across = float(piece.rx) * self.scale
         up = float(piece.ry) * self.scale

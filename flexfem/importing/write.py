@@ -101,7 +101,11 @@ def joint_of(hinge: FoundHinge, name: str = "") -> Joint:
     return Joint(name, hinge.bodies, hinge.place, hinge.heading, profile, 0.0)
 
 
-def written(found: FoundPlate, roles: Roles, heading: Heading) -> WrittenMechanism:
+def written(
+    found: FoundPlate,
+    roles: Roles,
+    heading: Heading,
+) -> WrittenMechanism:
     """Return the mechanism file of a plate. Raises BadInput for a clamped edge that is a fillet."""
     return _Writer(found, roles, heading).written()
 
@@ -127,7 +131,12 @@ def _image_of(part: _Part, images: Images) -> _Part:
 class _Writer:
     """The parts of a file and the text of it."""
 
-    def __init__(self, found: FoundPlate, roles: Roles, heading: Heading) -> None:
+    def __init__(
+        self,
+        found: FoundPlate,
+        roles: Roles,
+        heading: Heading,
+    ) -> None:
         self.found = found
         self.roles = roles
         self.heading = heading
@@ -278,10 +287,18 @@ class _Writer:
                 lines += _corners(outline_rows(self._vertices(hole, index)))
         return "\n".join(lines)
 
-    def _vertices(self, loop: Sequence[Segment], body: int) -> list[PlacedVertex]:
+    def _vertices(
+        self,
+        loop: Sequence[Segment],
+        body: int,
+    ) -> list[PlacedVertex]:
         return placed_vertices(vertices_of(loop, hinge_ends(self.joints, body)), self._sizes())
 
-    def _clamped(self, vertices: Sequence[PlacedVertex], body: int) -> list[int]:
+    def _clamped(
+        self,
+        vertices: Sequence[PlacedVertex],
+        body: int,
+    ) -> list[int]:
         """Return the edges of the written outline on which the clamped segments lie."""
         segments = self.roles.clamped[body]
         edges = list[int]()
@@ -401,7 +418,11 @@ class _Writer:
         return sources
 
 
-def _key_path(table: str, name: str, number: int) -> str:
+def _key_path(
+    table: str,
+    name: str,
+    number: int,
+) -> str:
     """Return the key path of an element: by its name, or by its number where that is no word."""
     return f"{table}.{name}" if name.isidentifier() else f"{table}[{number}]"
 
@@ -426,7 +447,11 @@ def _outwards(hinge: FoundHinge, depths: Sequence[int]) -> FoundHinge:
     return hinge if (depths[first], first) <= (depths[second], second) else turned_round(hinge)
 
 
-def _shape(body: FoundBody, index: int, roles: Roles) -> PartShape:
+def _shape(
+    body: FoundBody,
+    index: int,
+    roles: Roles,
+) -> PartShape:
     """Return what decides whether a body is a copy of another."""
     role: str | None = "fixed" if index in roles.fixed else "moves"
     if index == roles.output:
@@ -473,14 +498,26 @@ def _stated(group: EqualHinges) -> dict[str, float]:
     return {key: decimal(value) for key, value in group.dimensions.items()}
 
 
-def _moved(hinge: FoundHinge, move: Move, bodies: Mapping[int, int]) -> FoundHinge:
+def _moved(
+    hinge: FoundHinge,
+    move: Move,
+    bodies: Mapping[int, int],
+) -> FoundHinge:
     first, second = hinge.bodies
     ends = (bodies.get(first, first), bodies.get(second, second))
     image = mirrored(hinge) if move.mirrored else hinge
-    return image._replace(bodies=ends, place=move(hinge.place), heading=move.heading(hinge.heading))
+    return image._replace(
+        bodies=ends,
+        place=move(hinge.place),
+        heading=move.heading(hinge.heading),
+    )
 
 
-def _size(group: EqualHinges, prefix: str, side: str | None) -> HingeSize:
+def _size(
+    group: EqualHinges,
+    prefix: str,
+    side: str | None,
+) -> HingeSize:
     """Return length and edges of a hinge as sums of the parameters of its group."""
     sizes = _stated(group)
     if "neck" not in sizes:
@@ -572,7 +609,11 @@ def _letters(index: int) -> str:
     return text if index < 26 else _letters(index // 26 - 1) + text
 
 
-def _counted(count: int, one: str, many: str) -> str:
+def _counted(
+    count: int,
+    one: str,
+    many: str,
+) -> str:
     return f"{count} {one if count == 1 else many}"
 
 

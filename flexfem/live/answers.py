@@ -52,7 +52,11 @@ class PlateDrawing(NamedTuple):
     actuators: list[list[float]]
 
 
-def rows_by_model(mechanism: Mechanism, models: Any, progress: Progress | None = None) -> list[Row]:
+def rows_by_model(
+    mechanism: Mechanism,
+    models: Any,
+    progress: Progress | None = None,
+) -> list[Row]:
     """Return the key results by the analytic model or by finite elements."""
     asked: dict[str, Any] = {"models": models, "progress": progress}
     at_rest = quick_stiffness(mechanism, **asked)

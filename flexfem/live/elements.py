@@ -31,7 +31,11 @@ class Elements:
         self._pipe: Connection | None = None
         self._is_busy = False
 
-    async def answer(self, mechanism: Mechanism, report: Report) -> None:
+    async def answer(
+        self,
+        mechanism: Mechanism,
+        report: Report,
+    ) -> None:
         """Compute the key results of a mechanism; report progress, then the rows or a failure."""
         if self._is_busy:
             self.close()
@@ -68,7 +72,11 @@ class Elements:
     def _open(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
-        self._process = context.Process(target=_serve, args=(other,), daemon=False)
+        self._process = context.Process(
+            target=_serve,
+            args=(other,),
+            daemon=False,
+        )
         self._process.start()
         other.close()
 

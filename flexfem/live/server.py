@@ -269,11 +269,20 @@ class Guard:
     that leads to this machine.
     """
 
-    def __init__(self, inner: Any, page: LivePage) -> None:
+    def __init__(
+        self,
+        inner: Any,
+        page: LivePage,
+    ) -> None:
         self._inner = inner
         self._page = page
 
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+    async def __call__(
+        self,
+        scope: Any,
+        receive: Any,
+        send: Any,
+    ) -> None:
         if scope["type"] == "lifespan":
             await self._inner(scope, receive, send)
             return

@@ -48,7 +48,11 @@ class Session:
     `mechanism` is the changed one, and stays the last one that could be answered.
     """
 
-    def __init__(self, path: PathLike, reading: Any) -> None:
+    def __init__(
+        self,
+        path: PathLike,
+        reading: Any,
+    ) -> None:
         self.path = Path(path)
         self.reading = reading
         self.stored: Mechanism
@@ -117,7 +121,11 @@ class Session:
         self.stored = stored
         self._fault_of_file = None
 
-    def _answer(self, mechanism: Mechanism, values: Mapping[str, float]) -> None:
+    def _answer(
+        self,
+        mechanism: Mechanism,
+        values: Mapping[str, float],
+    ) -> None:
         began = perf_counter()
         drawing = drawing_of(mechanism.layout)
         rows = rows_by_model(mechanism, "analytic")

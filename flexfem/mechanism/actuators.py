@@ -67,7 +67,11 @@ class RatedActuator(Table):
     """Unique name of the actuator, used in key paths such as `actuator.drive.stroke_um`"""
     stack: StackName | None = Field(default=None, examples=["AE0505D16"])
     """Name of a stack of the catalogue"""
-    stroke: quantities.Stroke | None = Field(default=None, alias="stroke_um", examples=[17.4])
+    stroke: quantities.Stroke | None = Field(
+        default=None,
+        alias="stroke_um",
+        examples=[17.4],
+    )
     """Free stroke, of a stack at its highest voltage; instead of `stack`, with `stiffness_n_per_um`
     or `blocking_force_n` """
     stiffness: quantities.Rate | None = Field(

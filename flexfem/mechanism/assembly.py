@@ -51,7 +51,11 @@ def layout_of(mechanism: MechanismTables, missing: list[str] | None = None) -> L
 class _Assembly:
     """A mechanism file whose parts are joined, with its bodies by name."""
 
-    def __init__(self, mechanism: MechanismTables, missing: list[str] | None) -> None:
+    def __init__(
+        self,
+        mechanism: MechanismTables,
+        missing: list[str] | None,
+    ) -> None:
         self.mechanism = mechanism
         self.missing = missing
         self.parts: dict[str, list[PlacedPart]] = {kind: [] for kind in PARTS}
@@ -77,7 +81,11 @@ class _Assembly:
             **self.mechanism.plane_problem,
         )
 
-    def number_of(self, name: str, key: str) -> int:
+    def number_of(
+        self,
+        name: str,
+        key: str,
+    ) -> int:
         """Return the number of a body that a key names. Raises BadInput where it is not there."""
         if name in self.index:
             return self.index[name]
@@ -195,7 +203,11 @@ def _body(part: PlacedPart, mechanism: MechanismTables) -> Body:
     )
 
 
-def _clamped(table: PlateBody, outline: Outline, key: str) -> tuple[int, ...]:
+def _clamped(
+    table: PlateBody,
+    outline: Outline,
+    key: str,
+) -> tuple[int, ...]:
     """Return the clamped segments of an outline. Raises BadInput for an edge that has none."""
     clamped = list[int]()
     for k, edge in enumerate(table.clamped_edges):
@@ -207,7 +219,11 @@ def _clamped(table: PlateBody, outline: Outline, key: str) -> tuple[int, ...]:
     return tuple(sorted(clamped))
 
 
-def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
+def _outline(
+    table: PlateBody | BodyHole,
+    move: Move,
+    key: str,
+) -> Outline:
     """Return the outline of a body or a hole. Raises BadInput for one that is impossible."""
     if table.centre is not None and table.radius is not None:
         return disc(move(complex(*table.centre)), table.radius)
@@ -243,7 +259,11 @@ def _profile(part: PlacedPart) -> Profile:
     return profile.mirrored if part.move.mirrored else profile
 
 
-def _cut(part: PlacedPart, profile: Profile, widths: Sequence[float]) -> float:
+def _cut(
+    part: PlacedPart,
+    profile: Profile,
+    widths: Sequence[float],
+) -> float:
     """Return the height over which bodies of some widths are cut away along a profile, mm.
 
     Raises BadInput for a stated height that the profile does not fit into.
@@ -262,7 +282,11 @@ def _cut(part: PlacedPart, profile: Profile, widths: Sequence[float]) -> float:
     return float(stated)
 
 
-def _contact(patch: Patch, bodies: Sequence[Body], key: str) -> Patch:
+def _contact(
+    patch: Patch,
+    bodies: Sequence[Body],
+    key: str,
+) -> Patch:
     """Return a contact with its radius.
 
     Raises BadInput for one that is not on its body, unless this is fixed.

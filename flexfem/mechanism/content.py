@@ -121,7 +121,12 @@ class FileContent(Sourced):
         content = self.model_dump(exclude=NOT_PHYSICAL | excluded, **options) | dict(more or {})
         return digest(canonical(_without_names_of_materials(content)))
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+    def model_copy(
+        self,
+        *,
+        update: Mapping[str, Any] | None = None,
+        deep: bool = False,
+    ) -> Self:
         """Return a validated copy with values replaced by name.
 
         It has no file, and whether it can be made is not checked.
@@ -134,7 +139,11 @@ class FileContent(Sourced):
 
         Raises BadInput.
         """
-        content = self.model_dump(exclude_unset=True, exclude_none=True, context=STATED)
+        content = self.model_dump(
+            exclude_unset=True,
+            exclude_none=True,
+            context=STATED,
+        )
         given = plain(changes, tables=True)
         if "material" in given:
             value = given.pop("material")
@@ -147,7 +156,12 @@ class FileContent(Sourced):
                 given[name] = self._members_changed(name, content.get(name, []), value)
         return dict(merged_tables(content, given))
 
-    def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
+    def _members_changed(
+        self,
+        array: str,
+        members: list[Any],
+        changes: dict[Any, Any],
+    ) -> Any:
         """Return the members of an array, changed by their names.
 
         Without names of members the changes themselves are returned, which validation refuses.
@@ -175,7 +189,11 @@ class FileContent(Sourced):
         changed.__dict__["origin"] = origin
         return changed
 
-    def _with_content(self, content: dict[str, Any], mark: bool = False) -> Self:
+    def _with_content(
+        self,
+        content: dict[str, Any],
+        mark: bool = False,
+    ) -> Self:
         """Return a copy with other content, without sources of keys that no longer exist.
 
         mark : whether changed values lose the sources of this one.
@@ -219,7 +237,11 @@ class FileContent(Sourced):
 
     def to_toml(self) -> str:
         """Return the text of a file that reads back as equal content with the same hash."""
-        content = self.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
+        content = self.model_dump(
+            by_alias=True,
+            exclude_unset=True,
+            exclude_none=True,
+        )
         sources = content.pop("provenance", {})
         if sources:
             content["provenance"] = sources  # as the last table
@@ -285,13 +307,13 @@ def merged_tables(old: Any, new: Any) -> Any:
 
 
 @contextmanager
-def located(content: FileContent) -> Iterator[None]:
+def naming_place(content: FileContent) -> Iterator[None]:
     """Prefix BadInput messages that begin with a key path with file and line of the content."""
     try:
         yield
     except BadInput as refused:
         path, changed = content.origin
-        if refused.located or path is None:
+        if refused.has_place or path is None:
             raise
         line = None
         key = re.match(r"(?:\.?\w+|\[\d+\])*", str(refused))

@@ -72,7 +72,11 @@ def cut_path(part: Part, kerf: float) -> Part:
     return Part(loops)
 
 
-def _too_wide(kerf: float, x: float, y: float) -> BadInput:
+def _too_wide(
+    kerf: float,
+    x: float,
+    y: float,
+) -> BadInput:
     gaps = (
         f"expected less than every gap of the part: the wire would cut the part at {x:.1f}, {y:.1f}"
     )
@@ -117,7 +121,11 @@ def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
     ]
 
 
-def _crossing(a: Segment, b: Segment, near: complex) -> complex | None:
+def _crossing(
+    a: Segment,
+    b: Segment,
+    near: complex,
+) -> complex | None:
     """Intersection nearest to a point of two lines or circles on which segments lie.
 
     It is None without one.

@@ -75,7 +75,11 @@ def _stated_parts(mechanism: MechanismTables) -> list[PlacedPart]:
     return found
 
 
-def _check_names(copies: Copies, found: list[PlacedPart], key: str) -> None:
+def _check_names(
+    copies: Copies,
+    found: list[PlacedPart],
+    key: str,
+) -> None:
     """Raise BadInput for a part that is not there or is named twice."""
     names = {part.name for part in found}
     for place, name in enumerate(copies.parts):
@@ -128,4 +132,8 @@ def _copied(
     for part in originals:
         bodies = [names.get(("body", name), ("body", name))[1] for name in part.bodies]
         _, name = names[part.kind, part.name]
-        yield part._replace(name=name, bodies=tuple(bodies), move=move.after(part.move))
+        yield part._replace(
+            name=name,
+            bodies=tuple(bodies),
+            move=move.after(part.move),
+        )

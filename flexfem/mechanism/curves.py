@@ -113,7 +113,12 @@ class _Placed(NamedTuple):
 class Followed:
     """A curve of one port that is followed from rest to a displacement, mm or rad, with a sign."""
 
-    def __init__(self, reach: Reach, port: int, displacement: float) -> None:
+    def __init__(
+        self,
+        reach: Reach,
+        port: int,
+        displacement: float,
+    ) -> None:
         self.reach = reach
         self.port = port
         self.end = displacement
@@ -149,7 +154,11 @@ class Followed:
         """Displacement and force (2,) of the port."""
         return np.array([at.motions[self.port], at.loads[self.port]])
 
-    def _placed(self, at: CurvePoint, along: Array) -> _Placed:
+    def _placed(
+        self,
+        at: CurvePoint,
+        along: Array,
+    ) -> _Placed:
         """Return a point with its tangent, which points to the same side as `along` (2,)."""
         tangent = np.array([at.compliance[self.port, self.port], 1.0]) / self.scale
         tangent /= np.hypot(*tangent)
@@ -160,7 +169,11 @@ class Followed:
     def _is_at_end(self, point: _Placed) -> bool:
         return bool(self.sign * point.at.motions[self.port] >= abs(self.end) * (1 - LEAST_STEP))
 
-    def _after(self, before: _Placed, step: float) -> _Placed | None:
+    def _after(
+        self,
+        before: _Placed,
+        step: float,
+    ) -> _Placed | None:
         """Return the next point.
 
         None if there is none, or if the curve turns too far on the way.
@@ -191,12 +204,21 @@ class Followed:
             return None
         return after
 
-    def _across(self, tangent: Array, goal: Array) -> Line:
+    def _across(
+        self,
+        tangent: Array,
+        goal: Array,
+    ) -> Line:
         """Return the line through a goal (2,) across a tangent (2,), both in shares."""
         a, b = tangent / self.scale
         return float(a), float(b), float(tangent @ goal)
 
-    def _events(self, one: _Placed, other: _Placed, rest: CurvePoint) -> list[Event]:
+    def _events(
+        self,
+        one: _Placed,
+        other: _Placed,
+        rest: CurvePoint,
+    ) -> list[Event]:
         """Return the events between two points."""
         found = list[Event]()
         turned = one.tangent[0] * other.tangent[0] < 0
@@ -225,7 +247,12 @@ class Followed:
         """Return the number of negative pivots with the displacement of the port prescribed."""
         return at.unstable - int(at.compliance[self.port, self.port] < 0)
 
-    def _between(self, one: _Placed, other: _Placed, share: float) -> _Placed | None:
+    def _between(
+        self,
+        one: _Placed,
+        other: _Placed,
+        share: float,
+    ) -> _Placed | None:
         """Return the point at a share of the way between two, on the line across a cubic curve
         through both.
         """
@@ -270,7 +297,11 @@ class Followed:
                 kept = 2
         return best.at
 
-    def _halved(self, one: _Placed, other: _Placed) -> CurvePoint:
+    def _halved(
+        self,
+        one: _Placed,
+        other: _Placed,
+    ) -> CurvePoint:
         """Return the point between two from which the number of negative pivots is that of the
         second one.
         """
@@ -284,7 +315,11 @@ class Followed:
                 other = middle
         return other.at
 
-    def _taking_part(self, at: CurvePoint, rest: CurvePoint) -> int:
+    def _taking_part(
+        self,
+        at: CurvePoint,
+        rest: CurvePoint,
+    ) -> int:
         """Return the port of the output whose compliance, with the driven one held, grows most
         towards a branch.
         """
@@ -297,13 +332,21 @@ class Followed:
         return others[most] if growth[most] > AMPLIFIED else -1
 
 
-def _held_compliance(at: CurvePoint, driven: int, port: int) -> float:
+def _held_compliance(
+    at: CurvePoint,
+    driven: int,
+    port: int,
+) -> float:
     """Return the compliance of a port with the driven one held."""
     C = at.compliance
     return float(C[port, port] - C[port, driven] ** 2 / C[driven, driven])
 
 
-def at_extremum(event: Event, near: CurvePoint, port: int) -> CurvePoint:
+def at_extremum(
+    event: Event,
+    near: CurvePoint,
+    port: int,
+) -> CurvePoint:
     """Return the extremum of the curve of another model, from its equilibrium at the place of an
     event.
 
@@ -371,7 +414,12 @@ class _Stop(NamedTuple):
     waypoint: Waypoint
 
 
-def _at_event(curve: ForceCurve, port: int, number: int, event: Event) -> _Stop:
+def _at_event(
+    curve: ForceCurve,
+    port: int,
+    number: int,
+    event: Event,
+) -> _Stop:
     """Return an event that follows a point of a curve."""
     displacement = float(event.at.motions[port])
     force = float(event.at.loads[port])
@@ -403,7 +451,11 @@ def replayed(
     A jump that does not end near the point of the curve is divided at a point in between.
     """
 
-    def advanced(at: CurvePoint, start: int, goal: int) -> CurvePoint | None:
+    def advanced(
+        at: CurvePoint,
+        start: int,
+        goal: int,
+    ) -> CurvePoint | None:
         if goal - start <= LONGEST_JUMP:
             after = reach(at, way[goal].line)
             if after is not None:

@@ -90,7 +90,12 @@ class Numbers:
     given : arrays (n,) by key path, in file units: `parameters.NAME` and numbers of the file.
     """
 
-    def __init__(self, mechanism: MechanismTables, given: Mapping[str, Array], count: int) -> None:
+    def __init__(
+        self,
+        mechanism: MechanismTables,
+        given: Mapping[str, Array],
+        count: int,
+    ) -> None:
         self.mechanism = mechanism
         self.given = given
         self.count = count
@@ -121,7 +126,12 @@ class Numbers:
                 values[name] = float(stated[keys[name]])
         return values
 
-    def _finite(self, found: Array, path: str, instead: float) -> Array:
+    def _finite(
+        self,
+        found: Array,
+        path: str,
+        instead: float,
+    ) -> Array:
         """Return values (n,) of a parameter; designs where they are not finite are refused."""
         finite = np.abs(found) < LARGEST
         self._refuse(
@@ -130,7 +140,11 @@ class Numbers:
         )
         return np.where(finite, found, instead)
 
-    def _refuse(self, where: AnyArray, reason: Callable[[int], str]) -> None:
+    def _refuse(
+        self,
+        where: AnyArray,
+        reason: Callable[[int], str],
+    ) -> None:
         if np.any(where):
             self.refusals.append(Refusal(np.broadcast_to(where, (self.count,)), reason))
 
@@ -160,7 +174,12 @@ class Numbers:
             return self._known[value.text, value.kind.factor]
         return float(value)
 
-    def at(self, path: str, value: float, factor: float = 1.0) -> Number:
+    def at(
+        self,
+        path: str,
+        value: float,
+        factor: float = 1.0,
+    ) -> Number:
         """Return the number at a key path, which may be given; `factor` as of its `Limits`."""
         return factor * self.given[path] if path in self.given else self(value)
 
@@ -169,7 +188,11 @@ class Numbers:
         return np.asarray(self(corner[0]) + 1j * np.asarray(self(corner[1])))
 
 
-def _outside_limits(path: str, value: Evaluated, found: Array) -> Callable[[int], str]:
+def _outside_limits(
+    path: str,
+    value: Evaluated,
+    found: Array,
+) -> Callable[[int], str]:
     def reason(design: int) -> str:
         number = float(found[design])
         expected = value.kind.expected(number)
@@ -193,7 +216,11 @@ def _numbers_in(mechanism: MechanismTables) -> Iterator[tuple[str, float]]:
             yield from numbers(path, value)
 
 
-def layouts_of(mechanism: MechanismTables, given: Mapping[str, Array], count: int) -> Layouts:
+def layouts_of(
+    mechanism: MechanismTables,
+    given: Mapping[str, Array],
+    count: int,
+) -> Layouts:
     """Return the layouts of n designs of a mechanism whose layout is possible.
 
     Designs that are refused have numbers without a meaning, perhaps nan. `unsupported` must allow
@@ -256,7 +283,11 @@ def _heading(move: Move, angle: Number) -> Number:
     return np.angle(move.factor * (ahead.conjugate() if move.mirrored else ahead))
 
 
-def _constants(numbers: Numbers, material: Material, table: str = "material") -> Constants:
+def _constants(
+    numbers: Numbers,
+    material: Material,
+    table: str = "material",
+) -> Constants:
     """Return the constants of a material, with numbers or arrays (n,)."""
     found = dict[str, Any]()
     for name in REQUIRED:
@@ -317,7 +348,11 @@ def profile_at(profile: Profile, design: int) -> Profile:
     return type(profile)(**values)
 
 
-def _refused_profiles(part: PlacedPart, profile: Profile, numbers: Numbers) -> Iterator[Refusal]:
+def _refused_profiles(
+    part: PlacedPart,
+    profile: Profile,
+    numbers: Numbers,
+) -> Iterator[Refusal]:
     """Yield the designs whose dimensions no profile can have."""
     impossible = np.broadcast_to(np.squeeze(profile.impossible), (numbers.count,))
 
@@ -340,7 +375,11 @@ def least_cut(profile: Profile, count: int) -> Array:
     return np.broadcast_to(np.max(height, axis=-1), (count,))
 
 
-def _refused_cuts(part: PlacedPart, profile: Profile, numbers: Numbers) -> Iterator[Refusal]:
+def _refused_cuts(
+    part: PlacedPart,
+    profile: Profile,
+    numbers: Numbers,
+) -> Iterator[Refusal]:
     """Yield the designs whose cut is lower than the ends of the profile."""
     cut = np.broadcast_to(numbers(part.table.cut), (numbers.count,))
     with np.errstate(all="ignore"):

@@ -119,7 +119,11 @@ class Dimensions(NamedTuple):
     height: float
 
 
-def placed(layout: Layout, spans: list[Span], callouts: Iterable[Callout]) -> Dimensions:
+def placed(
+    layout: Layout,
+    spans: list[Span],
+    callouts: Iterable[Callout],
+) -> Dimensions:
     """Return the dimensions of a drawing, with labels clear of each other and of the parts."""
     shape = plate_polygon(layout)
     height = TEXT * extent(shape)

@@ -66,7 +66,11 @@ def ends_of(curve: Curve) -> tuple[complex, complex]:
     )
 
 
-def rise_of(x: Array, curve: Curve, step: complex) -> Array:
+def rise_of(
+    x: Array,
+    curve: Curve,
+    step: complex,
+) -> Array:
     """Rise (...) of a line, or of an arc from its lowest point, at distances x (...) from its
     start; `step` to its end.
 

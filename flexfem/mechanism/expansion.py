@@ -57,7 +57,11 @@ def coefficients(mechanism: Mechanism) -> tuple[float, float]:
     return of_plate, of_plate if of_frame is None else of_frame
 
 
-def expansion_in_plane(plate: Rates, frame: Rates, out_of_plane: Rates) -> Rates:
+def expansion_in_plane(
+    plate: Rates,
+    frame: Rates,
+    out_of_plane: Rates,
+) -> Rates:
     """Return the effective expansion in the plane, 1/K, of a plate on a frame, with coefficients in
     1/K.
 

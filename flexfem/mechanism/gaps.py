@@ -59,7 +59,11 @@ def pairs_of_parts(layout: Layout) -> tuple[Index, Index]:
     return np.append(one[kept], near), np.append(other[kept], far)
 
 
-def box_distances(boxes: Array, one: Index, other: Index) -> Array:
+def box_distances(
+    boxes: Array,
+    one: Index,
+    other: Index,
+) -> Array:
     """Return the distances (n,) of the boxes (parts, 4) of pairs of parts, which no distance of
     parts is below.
     """
@@ -69,7 +73,11 @@ def box_distances(boxes: Array, one: Index, other: Index) -> Array:
     return np.asarray(np.hypot(*np.maximum(apart, 0.0).T))
 
 
-def gap_between(parts: tuple[int, int], first: Any, second: Any) -> Gap:
+def gap_between(
+    parts: tuple[int, int],
+    first: Any,
+    second: Any,
+) -> Gap:
     """Return the gap between the polygons of two parts."""
     if shapely.intersects(first, second):
         shared = shapely.intersection(first, second)
@@ -108,7 +116,11 @@ def _width(gap: Gap) -> float:
     return gap.width
 
 
-def _gaps_beside(layout: Layout, bodies: list[Any], number: int) -> list[Gap]:
+def _gaps_beside(
+    layout: Layout,
+    bodies: list[Any],
+    number: int,
+) -> list[Gap]:
     """Return the gaps between a hinge and its own bodies where these lie beside its middle."""
     joint = layout.joints[number]
     strip = _strip(joint)

@@ -118,7 +118,11 @@ def in_hinge(joint: Joint, z: AnyArray) -> NDArray[np.bool_]:
     return np.asarray(within & (off_middle <= half_height * (1 + EDGE_ROUND_OFF)))
 
 
-def end_lines(joint: Joint, side: int, rigid: bool = False) -> list[Segment]:
+def end_lines(
+    joint: Joint,
+    side: int,
+    rigid: bool = False,
+) -> list[Segment]:
     """Return the lines along which the mesh divides a hinge from its first (`side` = -1) or second
     (1) body.
 

@@ -72,7 +72,12 @@ class Key(NamedTuple):
             value = value[self.element]
         return None if value is None else float(value) / self.number.factor
 
-    def set_in(self, changes: dict[str, Any], mechanism: Any, value: float) -> None:
+    def set_in(
+        self,
+        changes: dict[str, Any],
+        mechanism: Any,
+        value: float,
+    ) -> None:
         """Set the number, in file units, in changes as `replace` takes them.
 
         Other elements of an array are those of the mechanism.

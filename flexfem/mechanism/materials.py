@@ -98,7 +98,11 @@ class Material(Table):
 
     @model_validator(mode="before")
     @classmethod
-    def _complete_registered(cls, data: Any, info: ValidationInfo) -> Any:
+    def _complete_registered(
+        cls,
+        data: Any,
+        info: ValidationInfo,
+    ) -> Any:
         if isinstance(data, Material):
             data = data.model_dump(by_alias=info.context != INSIDE, exclude_none=True)
         elif isinstance(data, str) and info.context == INSIDE:
@@ -231,7 +235,11 @@ class Entry(Material):
 
     def numbers(self, by_alias: bool) -> dict[str, Any]:
         """Name and stated numbers, by file keys or by names in inside units."""
-        return self.model_dump(by_alias=by_alias, exclude_none=True, exclude={"source", "sources"})
+        return self.model_dump(
+            by_alias=by_alias,
+            exclude_none=True,
+            exclude={"source", "sources"},
+        )
 
     @property
     def material(self) -> Material:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from flexfem.arrays import Array
 from flexfem.files.provenance import Assumptions
-from flexfem.files.tables import once
-from flexfem.mechanism.content import FileContent, located
+from flexfem.files.tables import memoized
+from flexfem.mechanism.content import FileContent, naming_place
 from flexfem.mechanism.dimensions import (
     Callout,
     Dimensions,
@@ -98,7 +98,11 @@ class Mechanism(FileContent):
         """
         return f"a {self.kind} has no layouts of many designs"
 
-    def layouts(self, given: Mapping[str, Array], number: int) -> Layouts:
+    def layouts(
+        self,
+        given: Mapping[str, Array],
+        number: int,
+    ) -> Layouts:
         """Return the layouts of n designs, where `without_arrays` does not object to the keys.
 
         Parameters
@@ -110,7 +114,7 @@ class Mechanism(FileContent):
 
     def check(self) -> None:
         """Raise BadInput, with key, value and expectation, for a mechanism that cannot be made."""
-        with located(self):
+        with naming_place(self):
             _check_parts(self)
 
     @property
@@ -170,8 +174,8 @@ class Mechanism(FileContent):
     def answering(cls, question: str) -> Callable[..., Any] | None:
         """Return the function that answers a question for this kind, if there is one of its own.
 
-        It takes a mechanism of this kind and, by name, those options of the question that apply to it.
-        """
+        It takes a mechanism of this kind and, by name, those options of the question that apply to
+        it."""
         return None
 
     def spans(self, layout: Layout) -> list[Span]:
@@ -230,7 +234,7 @@ class Mechanism(FileContent):
         )
 
 
-@once
+@memoized
 def _check_parts(mechanism: Mechanism) -> None:
     check_layout(mechanism.layout)
 

@@ -12,10 +12,10 @@ from flexfem.arrays import Array
 from flexfem.files.expressions import Evaluated, names_in
 from flexfem.files.quantities import STATED
 from flexfem.files.refusals import key_path, nearest
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.files.toml import PathLike
 from flexfem.mechanism.assembly import layout_of
-from flexfem.mechanism.content import located, read_content
+from flexfem.mechanism.content import naming_place, read_content
 from flexfem.mechanism.designs import layouts_of, unsupported
 from flexfem.mechanism.keys import PARAMETERS, Key
 from flexfem.mechanism.layout import Layout
@@ -104,20 +104,24 @@ class MechanismFile(MechanismTables):
         return tuple(key for key in self.parameters if key not in used)
 
     @property
-    @once
+    @memoized
     def layout(self) -> Layout:
         """The mechanism with parameters, copies and outlines resolved, as both models read it.
 
         Raises BadInput, naming file, line and key, for parts that do not fit together.
         """
-        with located(self):
+        with naming_place(self):
             return layout_of(self)
 
     def without_arrays(self, keys: Iterable[str]) -> str:
         """As of any mechanism; few mechanism files have what arrays do not."""
         return unsupported(self, keys)
 
-    def layouts(self, given: Mapping[str, Array], number: int) -> Layouts:
+    def layouts(
+        self,
+        given: Mapping[str, Array],
+        number: int,
+    ) -> Layouts:
         """As of any mechanism."""
         return layouts_of(self, given, number)
 

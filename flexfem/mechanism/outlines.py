@@ -126,7 +126,11 @@ def polyline(*points: complex) -> list[Segment]:
     return [Segment(a, b) for a, b in pairwise(points) if abs(b - a) > SHORTEST]
 
 
-def bowed(start: complex, end: complex, bow: float) -> list[Segment]:
+def bowed(
+    start: complex,
+    end: complex,
+    bow: float,
+) -> list[Segment]:
     """Circular arc from `start` to `end`, in parts of less than half a turn.
 
     Without a bow it is the line.
@@ -248,7 +252,11 @@ class _Flank(NamedTuple):
     radii: list[float]
 
 
-def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outline:
+def bar(
+    bends: Sequence[complex],
+    radii: Sequence[float],
+    width: float,
+) -> Outline:
     """Bar of a width, mm, along a path, with `radii` of its centreline at the bends.
 
     The two edges of the outline are start and end.
@@ -390,7 +398,11 @@ class Pose(NamedTuple):
         return Pose(self.point + distance * cmath.exp(1j * self.heading), self.heading)
 
 
-def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None:
+def shortest_path(
+    start: Pose,
+    end: Pose,
+    radius: float,
+) -> list[Segment] | None:
     """Shortest arc-line-arc path between two poses with arcs of one radius.
 
     None is returned if all such paths make a loop. L. E. Dubins, Am. J. Math. 79 (1957) 497: the
@@ -414,7 +426,12 @@ class _Path(NamedTuple):
     segments: list[Segment]
 
 
-def _arc_line_arc(start: Pose, end: Pose, first: float, last: float) -> _Path | None:
+def _arc_line_arc(
+    start: Pose,
+    end: Pose,
+    first: float,
+    last: float,
+) -> _Path | None:
     """Return the path with arcs of two radii, mm, positive to the left; None if it makes a loop."""
     c0 = start.point + 1j * first * cmath.exp(1j * start.heading)
     c1 = end.point + 1j * last * cmath.exp(1j * end.heading)

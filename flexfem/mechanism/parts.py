@@ -70,15 +70,31 @@ class BodyHole(Table):
         default=None, alias="outline_mm", examples=[[[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]]]
     )
     """Corners x, y of a polygon, as those of a body"""
-    centre: Point | None = Field(default=None, alias="centre_mm", examples=[[0.0, 0.0]])
+    centre: Point | None = Field(
+        default=None,
+        alias="centre_mm",
+        examples=[[0.0, 0.0]],
+    )
     """Instead of `outline_mm`, with `radius_mm`: centre of a disc"""
-    radius: Length | None = Field(default=None, alias="radius_mm", examples=[2.0])
+    radius: Length | None = Field(
+        default=None,
+        alias="radius_mm",
+        examples=[2.0],
+    )
     """Radius of a disc"""
     count: Count | None = Field(default=None, examples=[6])
     """Number of equal holes on a circle, such as those of screws; by default one"""
-    about: Point | None = Field(default=None, alias="about_mm", examples=[[0.0, 0.0]])
+    about: Point | None = Field(
+        default=None,
+        alias="about_mm",
+        examples=[[0.0, 0.0]],
+    )
     """With `count`: centre of the circle; by default the origin"""
-    angle: Turn | None = Field(default=None, alias="angle_deg", examples=[30.0])
+    angle: Turn | None = Field(
+        default=None,
+        alias="angle_deg",
+        examples=[30.0],
+    )
     """With `count`: angle from one hole to the next, counter-clockwise; by default 360 degrees over
     `count`"""
 
@@ -110,11 +126,23 @@ class PlateBody(Table):
     """Instead of `outline_mm`, with `width_mm`: points x, y of the centreline of a bar with square
     ends; an optional third number is the radius of the centreline at a bend, which is sharp without
     it """
-    width: Length | None = Field(default=None, alias="width_mm", examples=[8.0])
+    width: Length | None = Field(
+        default=None,
+        alias="width_mm",
+        examples=[8.0],
+    )
     """Width of a bar"""
-    centre: Point | None = Field(default=None, alias="centre_mm", examples=[[0.0, 0.0]])
+    centre: Point | None = Field(
+        default=None,
+        alias="centre_mm",
+        examples=[[0.0, 0.0]],
+    )
     """Instead of `outline_mm`, with `radius_mm`: centre of a disc"""
-    radius: Length | None = Field(default=None, alias="radius_mm", examples=[15.0])
+    radius: Length | None = Field(
+        default=None,
+        alias="radius_mm",
+        examples=[15.0],
+    )
     """Radius of a disc"""
     holes: tuple[BodyHole, ...] = ()
     """Holes in the body"""
@@ -162,26 +190,54 @@ class PlateHinge(Table):
     """Direction of the axis from the first body to the second, counter-clockwise from the x axis"""
     shape: Shape = Field(examples=["leaf"])
     """Shape of the profile, which determines the keys that it needs"""
-    neck: Length | None = Field(default=None, alias="neck_mm", examples=[0.5])
+    neck: Length | None = Field(
+        default=None,
+        alias="neck_mm",
+        examples=[0.5],
+    )
     """Smallest height of the profile, except of a `profile`"""
-    length: Length | None = Field(default=None, alias="length_mm", examples=[50.0])
+    length: Length | None = Field(
+        default=None,
+        alias="length_mm",
+        examples=[50.0],
+    )
     """Length along its axis, fillets included, of an elliptical, filleted or parabolic hinge or a
     leaf
     """
-    radius: Length | None = Field(default=None, alias="radius_mm", examples=[2.0])
+    radius: Length | None = Field(
+        default=None,
+        alias="radius_mm",
+        examples=[2.0],
+    )
     """Radius of the notches of a circular hinge"""
-    depth: Length | None = Field(default=None, alias="depth_mm", examples=[2.0])
+    depth: Length | None = Field(
+        default=None,
+        alias="depth_mm",
+        examples=[2.0],
+    )
     """Depth of each notch of an elliptical, parabolic or v-shaped hinge"""
-    fillet: LengthOrZero | None = Field(default=None, alias="fillet_mm", examples=[0.5])
+    fillet: LengthOrZero | None = Field(
+        default=None,
+        alias="fillet_mm",
+        examples=[0.5],
+    )
     """Radius of the fillets of a filleted hinge or a leaf"""
     flush: (
         tuple[Literal["first left", "first right", "second left", "second right"], ...] | None
     ) = Field(default=None, examples=[["first right"]])
     """Corners of a filleted hinge or a leaf that have no fillet, because the edge goes on as the
     side of the body: at the first or the second body, seen along the direction """
-    angle: Turn | None = Field(default=None, alias="angle_deg", examples=[60.0])
+    angle: Turn | None = Field(
+        default=None,
+        alias="angle_deg",
+        examples=[60.0],
+    )
     """Opening angle of the notches of a v-shaped hinge"""
-    root_radius: Length | None = Field(default=None, alias="root_radius_mm", examples=[0.5])
+    root_radius: Length | None = Field(
+        default=None,
+        alias="root_radius_mm",
+        examples=[0.5],
+    )
     """Radius of the root of the notches of a v-shaped hinge"""
     side: Literal["left", "right"] | None = Field(default=None, examples=["left"])
     """Side of the only notch, or of the only fillets of a leaf, seen along the direction, except of
@@ -197,7 +253,11 @@ class PlateHinge(Table):
     smooth: bool | None = Field(default=None, examples=[True])
     """Whether smooth curves, monotone cubics, join the rows of `table_mm` instead of straight lines
     """
-    cut: Length | None = Field(default=None, alias="cut_mm", examples=[12.0])
+    cut: Length | None = Field(
+        default=None,
+        alias="cut_mm",
+        examples=[12.0],
+    )
     """Height over which both bodies are cut away along the profile; by default 2 % more than the
     larger of the height of the ends of the profile and the widths of those bodies that are bars """
 
@@ -237,9 +297,17 @@ class Copies(Table):
     actuator connects the copies of its bodies where these are copied, otherwise the same bodies """
     count: Count | None = Field(default=None, examples=[4])
     """Number of parts in total, the original included, of a rotation"""
-    about: Point | None = Field(default=None, alias="about_mm", examples=[[0.0, 0.0]])
+    about: Point | None = Field(
+        default=None,
+        alias="about_mm",
+        examples=[[0.0, 0.0]],
+    )
     """Centre of the rotation; by default the origin"""
-    angle: Turn | None = Field(default=None, alias="angle_deg", examples=[90.0])
+    angle: Turn | None = Field(
+        default=None,
+        alias="angle_deg",
+        examples=[90.0],
+    )
     """Angle from one copy to the next, counter-clockwise; by default 360 degrees over `count`"""
     mirror: tuple[Point, Point] | None = Field(
         default=None, alias="mirror_mm", examples=[[[0.0, 0.0], [0.0, 1.0]]]
@@ -268,13 +336,25 @@ class PlateActuator(RatedActuator):
     """
     at: tuple[Point, Point] = Field(alias="at_mm", examples=[[[0.0, 0.0], [20.0, 0.0]]])
     """Contact x, y on each of the two bodies"""
-    contact: Length | None = Field(default=None, alias="contact_mm", examples=[2.0])
+    contact: Length | None = Field(
+        default=None,
+        alias="contact_mm",
+        examples=[2.0],
+    )
     """Radius of the area around a contact that takes the load; by default a twentieth of the extent
     of the body
     """
-    mass: Grams = Field(default=0.0, alias="mass_g", examples=[8.0])
+    mass: Grams = Field(
+        default=0.0,
+        alias="mass_g",
+        examples=[8.0],
+    )
     """Mass of the actuator, half of it at each contact"""
-    preload: ForceOrZero | None = Field(default=None, alias="preload_n", examples=[50.0])
+    preload: ForceOrZero | None = Field(
+        default=None,
+        alias="preload_n",
+        examples=[50.0],
+    )
     """Force with which the actuator pushes the two bodies apart at rest. It keeps its direction.
     `modes` and `stiffness` take it into account """
 
@@ -300,7 +380,11 @@ class OutputPoint(Table):
     """Name of the body"""
     at: Point = Field(alias="at_mm", examples=[[0.0, 50.0]])
     """Point x, y to which pose and loads refer"""
-    contact: Length | None = Field(default=None, alias="contact_mm", examples=[5.0])
+    contact: Length | None = Field(
+        default=None,
+        alias="contact_mm",
+        examples=[5.0],
+    )
     """Radius of the area around the point that takes loads, and whose mean motion is read; by
     default the whole body
     """
@@ -318,7 +402,11 @@ class OutputPayload(Table):
 
     mass: Grams = Field(alias="mass_g", examples=[100.0])
     """Mass of the payload"""
-    inertia: Inertia = Field(default=0.0, alias="inertia_kg_mm2", examples=[20.0])
+    inertia: Inertia = Field(
+        default=0.0,
+        alias="inertia_kg_mm2",
+        examples=[20.0],
+    )
     """Moment of inertia about the normal of the plate through the output"""
 
 
@@ -362,7 +450,11 @@ class MechanismTables(Mechanism):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _with_parameters(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _with_parameters(
+        cls,
+        data: Any,
+        handler: ModelWrapValidatorHandler[Self],
+    ) -> Self:
         stated = data.get("parameters", {}) if isinstance(data, dict) else {}
         token = KNOWN.set(parameter_values(stated) if isinstance(stated, Mapping) else {})
         try:

@@ -51,7 +51,11 @@ def mean_width(body: Body) -> float:
     return 2 * face_area(body) / sum(segment.length for loop in loops for segment in loop)
 
 
-def body_polygon(layout: Layout, index: int, refuse: bool = True) -> Any:
+def body_polygon(
+    layout: Layout,
+    index: int,
+    refuse: bool = True,
+) -> Any:
     """Return the polygon of a body less the boxes of its hinges.
 
     Raises BadInput for loops that meet; without `refuse`, for drawings, returns what they enclose.

@@ -65,7 +65,12 @@ def check_layout(layout: Layout) -> None:
     triangles_needed(layout, refuse=True)
 
 
-def _check_contacts(layout: Layout, bodies: list[Any], hinges: list[Any], touching: float) -> None:
+def _check_contacts(
+    layout: Layout,
+    bodies: list[Any],
+    hinges: list[Any],
+    touching: float,
+) -> None:
     """Raise BadInput for parts nearer than `touching`, mm, but hinges with their bodies."""
     outlines = bodies + hinges
     tree = shapely.STRtree(outlines)
@@ -88,7 +93,12 @@ def _check_contacts(layout: Layout, bodies: list[Any], hinges: list[Any], touchi
         raise BadInput(f"{key_of_part(one)}: {how}, {expected}")
 
 
-def _touches_side(body: Any, joint: Joint, hinge: Any, touching: float) -> bool:
+def _touches_side(
+    body: Any,
+    joint: Joint,
+    hinge: Any,
+    touching: float,
+) -> bool:
     """Return whether a hinge meets its body elsewhere than at its end."""
     if shapely.dwithin(body, joint_polygon(joint, ALONG[INSIDE]), touching):
         return True
@@ -98,7 +108,11 @@ def _touches_side(body: Any, joint: Joint, hinge: Any, touching: float) -> bool:
     return common_area(body, hinge) >= SLIVER
 
 
-def _check_widths(body: Body, polygon: Any, least: float) -> None:
+def _check_widths(
+    body: Body,
+    polygon: Any,
+    least: float,
+) -> None:
     """Raise BadInput for material, a slit or a hole that is narrower than the least width, mm."""
     rings = np.array([polygon.exterior, *polygon.interiors])
     near = shapely.STRtree(rings).query(rings, predicate="dwithin", distance=least)
@@ -124,7 +138,13 @@ class _Narrow(NamedTuple):
     width: float
 
 
-def _too_narrow(body: Body, what: str, where: str, narrow: _Narrow, least: float) -> BadInput:
+def _too_narrow(
+    body: Body,
+    what: str,
+    where: str,
+    narrow: _Narrow,
+    least: float,
+) -> BadInput:
     x = narrow.place.x + 0.0
     y = narrow.place.y + 0.0  # not -0
     near = f"{where} near ({x:.6g}, {y:.6g}) mm".lstrip()
@@ -191,7 +211,11 @@ def _triangles_of(part: Body | Joint) -> float:
     return PER_SQUARE_OF_BODY * squares + PER_HOLE * len(part.holes)
 
 
-def _too_many(total: float, most: float, part: Body | Joint) -> BadInput:
+def _too_many(
+    total: float,
+    most: float,
+    part: Body | Joint,
+) -> BadInput:
     """Return the refusal of too many triangles, most of which are those of a part."""
     width = part.profile.neck if isinstance(part, Joint) else part.width or mean_width(part)
     has_holes = isinstance(part, Body) and part.holes
@@ -266,7 +290,11 @@ def _meant_in_radians(layout: Layout, joint: Joint) -> bool:
     return bool(np.max(near) <= ROUGHLY * joint.profile.length)
 
 
-def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
+def _check_ends(
+    layout: Layout,
+    joint: Joint,
+    bodies: list[Any],
+) -> None:
     """Raise BadInput unless both ends of a hinge lie on its bodies, over their whole height."""
     ends = [_end_points(joint, side) for side in SIDES]
     first, second = ([bodies[body]] for body in joint.bodies)

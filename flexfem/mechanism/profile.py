@@ -70,12 +70,22 @@ class Profile(ProfileBeam):
                 return found
             reach = following
 
-    def _lowest(self, place: float, reach: float, sides: tuple[int, ...]) -> float:
+    def _lowest(
+        self,
+        place: float,
+        reach: float,
+        sides: tuple[int, ...],
+    ) -> float:
         """Smallest height, mm, at a distance `reach` from `place`."""
         ends = np.clip(place + reach * np.array(sides), -self.length / 2, self.length / 2)
         return float(np.min(self.height(ends)))
 
-    def _along(self, place: float, reach: float, size: float) -> Refinement:
+    def _along(
+        self,
+        place: float,
+        reach: float,
+        size: float,
+    ) -> Refinement:
         """Return the size on the axis up to `reach` from `place`: a disc, or a row of discs in a
         slender profile.
         """

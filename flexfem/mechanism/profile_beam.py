@@ -128,7 +128,11 @@ class ProfileBeam(ProfileShape):
         """Positions (..., n) on the axis and weights (..., n) of integrals over it."""
         return self._between(*RULE)
 
-    def _between(self, shares: Array, weights: Array) -> tuple[Array, Array]:
+    def _between(
+        self,
+        shares: Array,
+        weights: Array,
+    ) -> tuple[Array, Array]:
         """Return positions (..., n) at shares (q,) between all breaks, and their weights (..., n).
 
         weights : (q,), for an integral from 0 to 1.
@@ -139,7 +143,11 @@ class ProfileBeam(ProfileShape):
         step = np.diff(ends, axis=0)
         return _joined(low + step * shares), _joined(step * weights)
 
-    def concentration(self, x: Array, edge: float) -> Concentration:
+    def concentration(
+        self,
+        x: Array,
+        edge: float,
+    ) -> Concentration:
         """Return the stress concentration at positions x (n,) of an edge of `SIDES`, (n,) or ().
 
         It is that of Neuber's notch with the root radius, in bending times the factor of the inner

@@ -27,7 +27,11 @@ FILE_KEYS = {"span": "length", "root": "root_radius"}
 class BadDimension(BadInput):
     """A dimension that no profile can have: `key` as in a file and what was `expected`."""
 
-    def __init__(self, key: str, expected: str) -> None:
+    def __init__(
+        self,
+        key: str,
+        expected: str,
+    ) -> None:
         super().__init__(f"{key}: expected {expected}")
         self.key = key
         self.expected = expected

@@ -137,7 +137,11 @@ class Leaf(Spanned):
             return [straight]
         return [straight, Segment(centre - 1j * r, centre + r, centre)]
 
-    def _filleted(self, end: str, side: str) -> bool:
+    def _filleted(
+        self,
+        end: str,
+        side: str,
+    ) -> bool:
         return self._has_fillets and self.side in (None, side) and f"{end} {side}" not in self.flush
 
     @property
@@ -162,7 +166,11 @@ class Leaf(Spanned):
         flush = tuple(f"{end} {other[side]}" for end, side in corners)
         return replace(self, side=self.side and other[self.side], flush=flush)
 
-    def _rise(self, x: Array, side: str) -> Array:
+    def _rise(
+        self,
+        x: Array,
+        side: str,
+    ) -> Array:
         """Rise (...) of an edge by its fillets at positions x (...), mm."""
         into = np.clip(np.abs(x) - (self.span / 2 - self.fillet), 0.0, self.fillet)
         rise = into
@@ -198,7 +206,11 @@ class Leaf(Spanned):
             backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(first)
         ] + second
 
-    def concentration(self, x: Array, edge: float) -> Concentration:
+    def concentration(
+        self,
+        x: Array,
+        edge: float,
+    ) -> Concentration:
         """Return the concentration (n,) at fillets, `shoulder`.
 
         It is one at straight parts and edges and at sharp roots.

@@ -121,7 +121,11 @@ def _curve(points: Array) -> Any:
     return curve
 
 
-def _rows_around(neck: float, low: float, high: float) -> Array:
+def _rows_around(
+    neck: float,
+    low: float,
+    high: float,
+) -> Array:
     """Return positions (n,) from `low` to `high`, denser at the neck."""
     share = np.linspace(0, 1, ROWS // 2 + 1) ** CROWDED
     left = neck - share[::-1] * (neck - low)

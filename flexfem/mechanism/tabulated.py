@@ -85,7 +85,12 @@ class Tabulated(Profile):
         )
 
     @classmethod
-    def of(cls, height: Callable[[Array], Array], length: float, rows: int = 129) -> Tabulated:
+    def of(
+        cls,
+        height: Callable[[Array], Array],
+        length: float,
+        rows: int = 129,
+    ) -> Tabulated:
         """Return the smooth profile of a height (n,) that is a function of the position (n,) on the
         axis.
         """
@@ -240,7 +245,12 @@ class Tabulated(Profile):
             *(self._edge_turns(x, h, h / 2 + side * self._middles) for side in (1, -1))
         )
 
-    def _edge_turns(self, x: Array, h: Array, edge: Array) -> Array:
+    def _edge_turns(
+        self,
+        x: Array,
+        h: Array,
+        edge: Array,
+    ) -> Array:
         """Turns (n,) of one edge, whose distances from the axis are `edge` (n,)."""
         angle = np.arctan(np.diff(edge) / np.diff(x))
         inside = np.zeros(len(x) - 2) if self.smooth else np.diff(angle)
@@ -261,7 +271,11 @@ class Tabulated(Profile):
         """
         found: dict[tuple[float, float], list[complex]] = {}
 
-        def refine(points: Iterable[complex], size: float, reach: float) -> None:
+        def refine(
+            points: Iterable[complex],
+            size: float,
+            reach: float,
+        ) -> None:
             found.setdefault((size, reach), []).extend(points)
 
         x, h = self._rows

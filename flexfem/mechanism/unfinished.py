@@ -59,12 +59,20 @@ class _Reading:
         with suppress(BadInput):
             self.data = with_material_of_file(path, self.data)
 
-    def stand_in(self, key: str, text: str) -> None:
+    def stand_in(
+        self,
+        key: str,
+        text: str,
+    ) -> None:
         """Name a fault of a required key and replace it."""
         self.missing.append(text)
         self.data[key] = STAND_INS[key]
 
-    def said(self, text: str, at: KeyPath) -> str:
+    def said(
+        self,
+        text: str,
+        at: KeyPath,
+    ) -> str:
         """Return a text about a key with the number of its part in the file, and the line."""
         if len(at) > 1 and at[0] in self.numbers and isinstance(at[1], int):
             own = self.numbers[str(at[0])][at[1]]
@@ -73,7 +81,11 @@ class _Reading:
         line = self.file.line(at)
         return one_line(text if line is None else f"line {line}: {text}")
 
-    def remove(self, at: KeyPath, text: str) -> None:
+    def remove(
+        self,
+        at: KeyPath,
+        text: str,
+    ) -> None:
         """Name a fault and remove the part that has it.
 
         Raises BadInput where there is no such part.

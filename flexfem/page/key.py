@@ -8,7 +8,7 @@ import numpy as np
 from markupsafe import Markup
 
 from flexfem.arrays import Array
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.page.section import moving_svg, parts
 from flexfem.questions import bands as comparison
 from flexfem.results import ANALYTIC, ELEMENTS, SPACE, Result, TextTable, number
@@ -41,7 +41,7 @@ class KeyResults(NamedTuple):
     motions: list[Markup]
 
     def add_motion(
-        self, name: str, caption: str, mesh: StageMesh, field: Array, swings: bool
+        self, name: str, caption: str, mesh: PlaneMesh, field: Array, swings: bool
     ) -> None:
         """Add the motion of a mesh by a field (n, 2); `swings` to both sides, as a mode does."""
         svg = moving_svg(mesh.nodes, mesh.triangles, field, swings)
@@ -49,7 +49,11 @@ class KeyResults(NamedTuple):
         self.motions.append(Markup(framed))
 
 
-def opened(drawing: Markup, key: KeyResults, caption: str) -> Markup:
+def opened(
+    drawing: Markup,
+    key: KeyResults,
+    caption: str,
+) -> Markup:
     """Return a drawing beside its key results, and its motions."""
     rows = [[title, *map(_unbroken, cells)] for title, *cells in key.rows]
     numbers = TextTable(HEAD, rows, 1, caption)
@@ -75,7 +79,11 @@ def first_frequencies(vibrating: Result) -> list[tuple[str, str]]:
     return singles
 
 
-def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
+def rows_at_rest(
+    found: Result,
+    model: str,
+    analytic: str,
+) -> list[list[str]]:
     """Return the rows of a model by direction, and of the errors of the others from it.
 
     analytic : name of the only analytic model.
@@ -142,7 +150,11 @@ def rows_of_range(found: Result) -> list[list[str]]:
     return rows
 
 
-def _both_ways(found: Result, name: str, others: str) -> list[str]:
+def _both_ways(
+    found: Result,
+    name: str,
+    others: str,
+) -> list[str]:
     """Return the ends of both senses of every direction; one if they differ in sign alone."""
     cells = list[str]()
     positive, negative = (found.texts(name, others=others, sense=sense) for sense in SENSES)
@@ -163,12 +175,20 @@ def _limits(found: Result, others: str) -> list[str]:
     return cells
 
 
-def _limits_of_sense(found: Result, others: str, sense: str) -> list[str]:
+def _limits_of_sense(
+    found: Result,
+    others: str,
+    sense: str,
+) -> list[str]:
     governing = found.at("range_limit", others=others, sense=sense)
     return [found.axes["limit"][row] for row in np.argmax(governing, axis=0)]
 
 
-def errors_driven(found: Result, actuator: str, analytic: str) -> list[tuple[str, str]]:
+def errors_driven(
+    found: Result,
+    actuator: str,
+    analytic: str,
+) -> list[tuple[str, str]]:
     """Return the errors of the amplification of an actuator by all models but the last."""
     place = found.axes["actuator"].index(actuator)
     lever = found.about.lever

@@ -205,7 +205,11 @@ def _are_stored(files: Sequence[Path]) -> bool:
     return all(path.suffix.lower() == ".json" for path in files)
 
 
-def _page_of(mechanism: Mechanism, sections: Sequence[str], amplitude: Any) -> MechanismPage:
+def _page_of(
+    mechanism: Mechanism,
+    sections: Sequence[str],
+    amplitude: Any,
+) -> MechanismPage:
     """Return the page of a mechanism. Raises BadInput for sections that it does not have."""
     place = PAGES.get(mechanism.kind)
     kind = MechanismPage if place is None else named(place)

@@ -114,7 +114,7 @@ def dark_of(colour: str) -> str:
     becomes dark.
     """
     hue, light, saturation = colorsys.rgb_to_hls(*(part / 255 for part in bytes.fromhex(colour)))
-    return f"#{bytes(round(255 * x) for x in colorsys.hls_to_rgb(hue, 0.92 - 0.83 * light, saturation)).hex()}"
+    return f"#{bytes(round(255 * x) for x in colorsys.hls_to_rgb(hue, 0.92 - 0.83 * light, saturation)).hex()}"  # noqa: E501
 
 
 def shown_figure(
@@ -131,7 +131,12 @@ def shown_figure(
     return Markup(parts.framed(name, svg, " ".join(map(sentence, lines)), description, data))
 
 
-def moving_svg(nodes: Array, triangles: AnyArray, field: Array, swings: bool = True) -> Markup:
+def moving_svg(
+    nodes: Array,
+    triangles: AnyArray,
+    field: Array,
+    swings: bool = True,
+) -> Markup:
     """Return a mesh (n, 2) that moves by a field (n, 2), exaggerated, in front of its outline at
     rest.
 
@@ -192,7 +197,7 @@ def inline_svg(figure: Figure, name: str) -> Markup:
         right - left + 2 * PAD,
         high - low + 2 * PAD,
     )
-    opening = f'<svg class="drawn" style="--wide: {box[2] / 0.75:.0f}px" viewBox="{" ".join(f"{x:.1f}" for x in box)}"'
+    opening = f'<svg class="drawn" style="--wide: {box[2] / 0.75:.0f}px" viewBox="{" ".join(f"{x:.1f}" for x in box)}"'  # noqa: E501
     text = re.sub(
         r'<svg\b|\s(width|height|viewBox)="[^"]*"', lambda m: "" if m[1] else opening, text, count=4
     )

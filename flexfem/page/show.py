@@ -112,6 +112,10 @@ def _in_notebook() -> bool:
 
 def _open(html: str) -> None:
     """Open a page in the browser; its file remains, since the browser reads it later."""
-    with tempfile.NamedTemporaryFile(prefix="flexfem-", suffix=".html", delete=False) as file:
+    with tempfile.NamedTemporaryFile(
+        prefix="flexfem-",
+        suffix=".html",
+        delete=False,
+    ) as file:
         file.write(html.encode(errors="backslashreplace"))
     webbrowser.open(Path(file.name).as_uri())

@@ -157,7 +157,11 @@ def _name(record: Any) -> str:
     return name
 
 
-def _design_section(design: Designed, name: str, number: int) -> PageSection:
+def _design_section(
+    design: Designed,
+    name: str,
+    number: int,
+) -> PageSection:
     """Return one section of the tables of a design, with its figure."""
     title, draw = DESIGN_SECTIONS[name]
     anchor = f"design-{number}-{name}"

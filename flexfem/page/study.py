@@ -71,7 +71,11 @@ def study_parts(
     return [*parts, ("settings of the study", partial(setup_section, source, status))]
 
 
-def _figure_section(name: str, title: str, shown: records.Record | records.Refused) -> PageSection:
+def _figure_section(
+    name: str,
+    title: str,
+    shown: records.Record | records.Refused,
+) -> PageSection:
     if isinstance(shown, records.Refused):
         return PageSection(name, title, notes([f"This figure is not drawn: {shown.reason}"]))
     title = shown.caption.title

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from flexfem.arrays import Array
 from flexfem.hinges.strength import required_law
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.expansion import require_expansion
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.page.handle import handled_drawing
@@ -119,7 +119,12 @@ class MechanismPage:
     without_mesh: ClassVar[frozenset[str]] = frozenset({"analytic"})
     stressed_axes: ClassVar[tuple[int, ...]] = (0, 1, 2)
 
-    def __init__(self, mechanism: Mechanism, sections: Sequence[str], amplitude: Any) -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        sections: Sequence[str],
+        amplitude: Any,
+    ) -> None:
         self.mechanism = mechanism
         self.amplitude = amplitude
         self.sections = self._available(sections)
@@ -183,7 +188,7 @@ class MechanismPage:
 
     def _require_material(self) -> None:
         """Raise BadInput for a material without the constants of a section."""
-        with located(self.mechanism):
+        with naming_place(self.mechanism):
             if "life" in self.sections:
                 required_law(self.mechanism.material)
             if "drift" in self.sections:
@@ -239,14 +244,23 @@ class MechanismPage:
         note = f"The other directions are held; the amplitudes are assumed. {highest}."
         return section("stress", "Stress", notes([note], "note"), figure)
 
-    def _highest(self, name: str, stresses: Stresses) -> str:
+    def _highest(
+        self,
+        name: str,
+        stresses: Stresses,
+    ) -> str:
         largest = float(stresses.highest.max())
         share = percent(100 * largest / self.mechanism.material.yield_strength)
         return f"{name}: {significant(largest)} {STRESS} at most, {share} of the yield strength"
 
     def displaced(self, held: tuple[float, float, float]) -> Any:
         """Return the answer of finite elements held at a displacement, mm, mm, rad."""
-        return stiffness(self.mechanism, models="elements", displacement=held, no_limits=True)
+        return stiffness(
+            self.mechanism,
+            models="elements",
+            displacement=held,
+            no_limits=True,
+        )
 
     def stresses(self, found: Result) -> Array:
         """Return the highest stress of each part under the displacement of a result, MPa."""
@@ -295,7 +309,12 @@ class MechanismPage:
         shape: Array = vibrating.fields.made()["mode 1"]
         return shape
 
-    def add_key_results(self, key: KeyResults, at_rest: Result, model: KeyModel) -> None:
+    def add_key_results(
+        self,
+        key: KeyResults,
+        at_rest: Result,
+        model: KeyModel,
+    ) -> None:
         """Add the key results of the actuators."""
         actuators = at_rest.axes.get("actuator", ())
         if not actuators:

@@ -102,13 +102,21 @@ class Actuator(RatedActuator):
     """The body that carries the stack, and the body on which the stack acts"""
     hinge: HingeName | None = None
     """For a contact on a link: the hinge at one end of the link from which `arm_mm` is measured"""
-    arm: quantities.Length | None = Field(default=None, alias="arm_mm", examples=[10.0])
+    arm: quantities.Length | None = Field(
+        default=None,
+        alias="arm_mm",
+        examples=[10.0],
+    )
     """Distance of the contact from the neck of `hinge`, measured along the centreline of the link,
     bends included
     """
     side: Literal["left", "right"] | None = None
     """Side of the link, seen from the base, on which the contact is"""
-    tilt: quantities.Tilt | None = Field(default=None, alias="tilt_deg", examples=[5.0])
+    tilt: quantities.Tilt | None = Field(
+        default=None,
+        alias="tilt_deg",
+        examples=[5.0],
+    )
     """Rotation of the force from the inward normal of the link, counter-clockwise; zero by default
     """
     point: tuple[quantities.Coordinate, quantities.Coordinate] | None = Field(
@@ -116,7 +124,11 @@ class Actuator(RatedActuator):
     )
     """Alternative to `hinge`, `arm_mm` and `side`: x, y of a contact anywhere on the outline of the
     body, in the frame of chain 1, whose origin is the platform centre """
-    direction: quantities.Angle | None = Field(default=None, alias="direction_deg", examples=[90.0])
+    direction: quantities.Angle | None = Field(
+        default=None,
+        alias="direction_deg",
+        examples=[90.0],
+    )
     """With `point_mm`: direction of the force on the body, counter-clockwise from the x axis of
     chain 1
     """
@@ -143,7 +155,11 @@ class Actuator(RatedActuator):
     """Young's modulus of the ball; by default that of steel, which is reported as assumed"""
     ball_poissons_ratio: quantities.Poisson | None = Field(default=None, examples=[0.3])
     """Poisson's ratio of the ball; by default that of steel, which is reported as assumed"""
-    preload: quantities.ForceOrZero = Field(default=0.0, alias="preload_n", examples=[50.0])
+    preload: quantities.ForceOrZero = Field(
+        default=0.0,
+        alias="preload_n",
+        examples=[50.0],
+    )
     """Force of every stack at rest, at most its blocking force. A contact transmits compression
     only and opens when the preload is used up. The preloads of a pair balance each other; that of a
     single stack stresses the necks """

@@ -1,8 +1,8 @@
 """What the paper's own answers share: the subject, the analytic model, meshes, models and results.
 
-The questions of `flexfem.questions` call these answers for a stage. They differ from those for other
-mechanisms: a stage has one analytic model, sectors that are meshed once for equal chains, and nine
-hinges that are named by chain and position."""
+The questions of `flexfem.questions` call these answers for a stage. They differ from those for
+other mechanisms: a stage has one analytic model, sectors that are meshed once for equal chains, and
+nine hinges that are named by chain and position."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.response import Response
 from flexfem.files.provenance import Assumptions, Sourced, assumptions
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.paper.fields import neck_stresses
 from flexfem.paper.model import ModelChoice, choose
 from flexfem.paper.solutions import solve_solid
@@ -26,12 +26,16 @@ from flexfem.questions.setup import Analytic, Mesh, ModelAnswer, Models, on_mesh
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID, About, Progress
 
 OfModel = Callable[[], Values]  # computes the values of the analytic model
-OfSize = Callable[
+OnMesh = Callable[
     [int, int], Values
 ]  # values from a resolution and a number of layers, 0 in the plane
 
 
-def _about(stage: Stage, digest: str, doubts: Assumptions) -> About:
+def _about(
+    stage: Stage,
+    digest: str,
+    doubts: Assumptions,
+) -> About:
     return About(
         stage.name,
         str(stage.origin),
@@ -95,8 +99,8 @@ def responses(stage: Stage, response: Response) -> Responses:
     return Responses(response.compliance, stress)
 
 
-def by_elements(
-    mesh: Mesh, solve: OfSize, progress: Progress | None = None, bands: Bands = value_bands
+def element_values(
+    mesh: Mesh, solve: OnMesh, progress: Progress | None = None, bands: Bands = value_bands
 ) -> dict[str, ModelAnswer]:
     """Return the values of finite elements in the plane or in three dimensions, and their bands.
 
@@ -115,7 +119,7 @@ def by_models(
     mesh: Mesh | None,
     models: Models,
     of_model: OfModel,
-    of_size: OfSize,
+    on_mesh: OnMesh,
     progress: Progress | None = None,
     bands: Bands = value_bands,
 ) -> dict[str, ModelAnswer]:
@@ -124,12 +128,16 @@ def by_models(
     if models != "elements":
         found[ANALYTIC] = ModelAnswer(of_model())
     if mesh is not None:
-        found |= by_elements(mesh, of_size, progress, bands)
+        found |= element_values(mesh, on_mesh, progress, bands)
     return found
 
 
-@once
-def solid_levels(stage: Stage, resolution: int, layers: int) -> SolidLevels:
+@memoized
+def solid_levels(
+    stage: Stage,
+    resolution: int,
+    layers: int,
+) -> SolidLevels:
     """Return compliances that bound the errors of `solve_solid`: each error is measured where the
     other is coarse.
     """

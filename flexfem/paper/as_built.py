@@ -8,7 +8,7 @@ from pathlib import Path
 from flexfem.arrays import Array, inverse
 from flexfem.paper import answers
 from flexfem.paper import warnings as warning
-from flexfem.paper.designs import lower
+from flexfem.paper.designs import design_arrays
 from flexfem.paper.links import body_compliance
 from flexfem.paper.model import AnalyticResult, analyse, stiffness_with_necks
 from flexfem.paper.solutions import solved_by
@@ -82,7 +82,7 @@ def as_built(
 def _redrawn(made: Stage, model: AnalyticResult) -> Redrawn:
     """Return the function from changes of the necks of a stage to its stiffness."""
     links = body_compliance(made)[None] if model.links else None
-    unchanged = lower(made).neck
+    unchanged = design_arrays(made).neck
 
     def redrawn(added: Array) -> Array:
         changed = unchanged + added.reshape(-1, *BY_HINGE)
@@ -104,4 +104,4 @@ def _in_depth(
             found[name] = inverse(solved_by(stage, resolution, layers).compliance[:3, :3])
         return found
 
-    return answers.by_elements(mesh, by_mesh, progress)[SOLID]
+    return answers.element_values(mesh, by_mesh, progress)[SOLID]

@@ -9,7 +9,7 @@ from typing import Any
 
 import flexfem
 from flexfem.arrays import Array
-from flexfem.fem.mesh import RESOLUTION, StageMesh
+from flexfem.fem.mesh import RESOLUTION, PlaneMesh
 from flexfem.fem.response import platform_response
 from flexfem.hinges.choice import CALIBRATED, DEFAULT_FORMULA
 from flexfem.paper.case import LoadedCase
@@ -51,12 +51,12 @@ def accepted_questions(stage: Stage) -> dict[str, Callable[[Any], Result]]:
     return QUESTIONS
 
 
-def stored_mesh(stage: Stage, resolution: int) -> StageMesh:
+def stored_mesh(stage: Stage, resolution: int) -> PlaneMesh:
     """Return a mesh of a stage that can be stored."""
     return build_mesh(stage, resolution)
 
 
-def stored_compliance(stage: Stage, mesh: StageMesh) -> tuple[tuple[str, ...], Array]:
+def stored_compliance(stage: Stage, mesh: PlaneMesh) -> tuple[tuple[str, ...], Array]:
     """Return the names of the ports of a stage, and the compliance (ports, ports) on a mesh."""
     return DIRECTIONS, platform_response(mesh, plate_of(stage)).compliance
 

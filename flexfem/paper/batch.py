@@ -18,7 +18,7 @@ from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.paper import responses
 from flexfem.paper.contacts import Stack
-from flexfem.paper.designs import Designs, envelope, lower
+from flexfem.paper.designs import Designs, design_arrays, envelope
 from flexfem.paper.driven import DriveRanges, drive_ranges
 from flexfem.paper.drives import drive_of, drives_of
 from flexfem.paper.equations import freedoms_of, mobility
@@ -30,7 +30,7 @@ from flexfem.paper.outputs import DesignAnswers, values_of
 from flexfem.paper.responses import LinkParts, WarmBodies
 from flexfem.paper.stage import Stage
 from flexfem.paper.vibration import payload_of
-from flexfem.questions.driven import Driven
+from flexfem.questions.driven import DriveSystem
 from flexfem.questions.life import CyclicMotion, cyclic_motion
 from flexfem.refused import BadInput
 from flexfem.study.batch import BatchRows
@@ -75,9 +75,13 @@ def for_stages(
     return results
 
 
-def designs_of(base: Stage, settings: Sequence[Setting], values: Array) -> Designs:
+def designs_of(
+    base: Stage,
+    settings: Sequence[Setting],
+    values: Array,
+) -> Designs:
     """Return the designs with factor values (n, columns), file units, unchecked."""
-    designs = lower(base).repeated(len(values))
+    designs = design_arrays(base).repeated(len(values))
     for key, column in settings:
         for field, place in key.places_in(base):
             index: tuple[slice | int, ...] = (slice(None), *place)
@@ -140,7 +144,11 @@ class StageBatch:
         """Return the designs with factor values (n, columns), file units, unchecked."""
         return designs_of(self.base, self.settings, values)
 
-    def rows(self, values: Array, reasons: AnyArray) -> BatchRows:
+    def rows(
+        self,
+        values: Array,
+        reasons: AnyArray,
+    ) -> BatchRows:
         """Return the results of designs (n, columns)."""
         with np.errstate(all="ignore"):  # numbers of impossible designs, which are refused
             solution = _Solution(self, values, reasons)
@@ -169,7 +177,12 @@ class StageBatch:
 class _Solution:
     """The analytic model of n designs; `reason` (n,) collects why designs are refused."""
 
-    def __init__(self, batch: StageBatch, values: Array, reasons: AnyArray) -> None:
+    def __init__(
+        self,
+        batch: StageBatch,
+        values: Array,
+        reasons: AnyArray,
+    ) -> None:
         self.batch = batch
         self.study = batch.study
         self.values = values
@@ -265,7 +278,9 @@ class _Solution:
         response = responses.driven(
             self.designs.frames, self.hinges, self.freedoms, drive.stacks, links
         )
-        return drive_ranges(self.designs, Driven.of(response.compliance, drive), response.necks)
+        return drive_ranges(
+            self.designs, DriveSystem.of(response.compliance, drive), response.necks
+        )
 
     def _frequencies(self, payload: Payload) -> Array:
         (mass,) = self.stacked(lambda stage: (responses.mass_matrix(stage, payload),))

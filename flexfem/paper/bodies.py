@@ -19,7 +19,7 @@ from types import MappingProxyType
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array, turned
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.outlines import (
     Face,
@@ -52,7 +52,7 @@ def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
     return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
 
 
-@once
+@memoized
 def necks(stage: StageContent, chain: int) -> tuple[Pose, ...]:
     """Neck centres and directions of one chain (1 to 3), base to platform, in the frame of chain 1."""
     frames = stage_frames(stage)
@@ -68,7 +68,7 @@ def given_angles(stage: StageContent) -> str:
     return f"chain.joint_angles_deg = [{', '.join(angles)}]"
 
 
-@once
+@memoized
 def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], ...]:
     """Centrelines of pad, link 1 and link 2 of one chain, from notch to notch.
 
@@ -96,7 +96,12 @@ def notch_radii(stage: StageContent, chain: int) -> list[float]:
     return [stage.hinge(chain, name).radius for name in HINGE_NAMES]
 
 
-def _no_room(stage: StageContent, link: str, leave: Pose, arrive: Pose) -> BadInput:
+def _no_room(
+    stage: StageContent,
+    link: str,
+    leave: Pose,
+    arrive: Pose,
+) -> BadInput:
     """Return the refusal of a link between two hinges, with the widest one that can be drawn."""
     width = stage.chain.link_width
     possible = 0.0
@@ -117,7 +122,11 @@ def _no_room(stage: StageContent, link: str, leave: Pose, arrive: Pose) -> BadIn
     )
 
 
-def _bend(leave: Pose, arrive: Pose, width: float) -> list[Segment] | None:
+def _bend(
+    leave: Pose,
+    arrive: Pose,
+    width: float,
+) -> list[Segment] | None:
     stub = FILLET * width
     return shortest_path(leave.ahead(stub), arrive.ahead(-stub), width / 2 + stub)
 
@@ -142,7 +151,11 @@ def notch_side(
     return first, second
 
 
-def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]]:
+def body_sides(
+    stage: StageContent,
+    chain: int,
+    side: int,
+) -> list[list[Segment]]:
     """Edges of pad, link 1, link 2 and platform lug on one side (1 left, -1 right), from neck to
     neck.
     """
@@ -162,8 +175,12 @@ def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]
     ]
 
 
-@once
-def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
+@memoized
+def lug_side(
+    stage: StageContent,
+    chain: int,
+    side: int,
+) -> tuple[Segment, ...]:
     """Edge of a lug on one side (1 left, -1 right), from the face of the hinge to the disc.
 
     Raises BadInput when the lug cannot reach the disc.
@@ -188,7 +205,11 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     return tuple(polyline(corner, end, disc * cmath.exp(1j * touch)))
 
 
-def _past_platform(stage: StageContent, chain: int, front: float) -> BadInput:
+def _past_platform(
+    stage: StageContent,
+    chain: int,
+    front: float,
+) -> BadInput:
     """Return the refusal of a neck that points past the platform, `front` mm before its centre."""
     width = stage.chain.link_width
     axis = stage.hinge(chain, "platform").axis
@@ -225,7 +246,7 @@ def _filleted(
     return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
 
 
-@once
+@memoized
 def cut_angle(stage: StageContent) -> float:
     """Direction, rad, of the radial cut clockwise of the lug of chain 1, half way to the adjacent
     lug.
@@ -256,7 +277,7 @@ def cut_angle(stage: StageContent) -> float:
 Edges = list[tuple[str, list[Segment]]]  # labels and segments of an outline
 
 
-@once
+@memoized
 def draw_sector(stage: StageContent, chain: int) -> Mapping[str, Face]:
     """Return the faces of the bodies in the sector of one chain (1 to 3), in the frame of chain 1.
 
@@ -298,7 +319,7 @@ def _platform(stage: StageContent, rim: Segment) -> Edges:
     ]
 
 
-@once
+@memoized
 def body_moments(stage: StageContent) -> AnyArray:
     """Area moments (3 chains, 4 bodies, 3), complex, of pad, links and platform sector.
 

@@ -22,7 +22,7 @@ from flexfem.questions.budget import AMPLITUDES
 from flexfem.questions.setup import on_meshes
 from flexfem.questions.warnings import of_yield
 from flexfem.refused import BadInput
-from flexfem.results import FRESH, Gate, Progress, Quantity, Result
+from flexfem.results import NEW_MESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 LARGEST_AMPLITUDE = (10.0, 10.0, 1.0)  # mm, mm, rad
@@ -39,7 +39,7 @@ TOTAL = "total"
 CHART = "three-dimensional hinges"
 MEASURED = "three dimensions"
 IN_ALL = "total in three dimensions"
-POINTS = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # percentage points of a command
+POINTS = Gate(NEW_MESH.relative, absolute=100 * NEW_MESH.relative)  # percentage points of a command
 
 
 class StageBudget(Result):
@@ -47,14 +47,14 @@ class StageBudget(Result):
 
     kind_name = "budget"
     title = "error budget"
-    main = ("share", {"share": TOTAL})
+    main_result = ("share", {"share": TOTAL})
     labels: ClassVar = {
         "share": (*SHARES, TOTAL),
         "outside": (CHART, MEASURED, IN_ALL),
         "commanded": DIRECTIONS,
     }
     figure = "paper.figures.budget.budget_figure"
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "shares are % of the commanded motion; a share is the error change by one model refinement",
     )
     share = Quantity(
@@ -155,7 +155,12 @@ class _Errors(NamedTuple):
     on_mesh: Array
 
 
-def _errors_of(meshes: list[Response], steps: tuple[int, ...], K: Array, lever: float) -> _Errors:
+def _errors_of(
+    meshes: list[Response],
+    steps: tuple[int, ...],
+    K: Array,
+    lever: float,
+) -> _Errors:
     """Return the errors of finite elements under the force of a model with the stiffness K (3, 3)."""
     C = np.array([mesh.compliance for mesh in meshes])
     parts = [
@@ -180,14 +185,24 @@ class _Outside(NamedTuple):
     values: Array
     bands: Array
 
-    def measure(self, stage: Stage, K: Array, total: Array, band: Array) -> None:
+    def measure(
+        self,
+        stage: Stage,
+        K: Array,
+        total: Array,
+        band: Array,
+    ) -> None:
         """Add what finite elements in three dimensions change of a total (3, 3) in the plane."""
         self.values[1], self.bands[1] = _solid_change(stage, K)
         self.values[2] = total + self.values[1]
         self.bands[2] = band + self.bands[1]
 
 
-def _outside(stage: Stage, K: Array, elastic: Array) -> _Outside:
+def _outside(
+    stage: Stage,
+    K: Array,
+    elastic: Array,
+) -> _Outside:
     """Return the effect of three-dimensional hinges on the errors (3, 3) of the elastic model."""
     found = _Outside(np.full((3, 3, 3), np.nan), np.full((3, 3, 3), np.nan))
     C = thick_compliance(stage)
@@ -196,7 +211,12 @@ def _outside(stage: Stage, K: Array, elastic: Array) -> _Outside:
     return found
 
 
-def _warnings(stage: Stage, paper: AnalyticResult, finest: Response, commands: Array) -> list[str]:
+def _warnings(
+    stage: Stage,
+    paper: AnalyticResult,
+    finest: Response,
+    commands: Array,
+) -> list[str]:
     """Warn of the model, and of commands (3,) at which finite elements are beyond yield."""
     texts = warnings.of_result(stage, paper)
     loads = paper.stiffness.T * commands[:, None]  # (18)
@@ -206,7 +226,12 @@ def _warnings(stage: Stage, paper: AnalyticResult, finest: Response, commands: A
     return texts
 
 
-def _nonlinear_errors(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:
+def _nonlinear_errors(
+    stage: Stage,
+    K: Array,
+    solution: Response,
+    commands: Array,
+) -> Array:
     """Return the error percentages (3, 3) of nonlinear finite elements under (18), column j for
     command j.
     """

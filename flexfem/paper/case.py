@@ -50,7 +50,11 @@ class Curve(Table):
     stage: Label = Field(
         description="Stage file, relative to the case file", examples=["stage.toml"]
     )
-    mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
+    mobility: Mobility | None = Field(
+        default=None,
+        description=OF_MODEL,
+        examples=[6],
+    )
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
     links: bool = Field(default=False, description=f"{ELASTIC}; in linear cases only")
 
@@ -76,7 +80,12 @@ class Case(Sourced):
     """Commands in x or y range from minus to plus this value"""
     amplitude_mrad: CommandMrad | None = Field(default=None, examples=[1.0])
     """Commands in theta range from minus to plus this value"""
-    points: int = Field(ge=3, le=10_001, description="Number of commands", examples=[21])
+    points: int = Field(
+        ge=3,
+        le=10_001,
+        description="Number of commands",
+        examples=[21],
+    )
     analysis: Analysis = "linear"
     """`nonlinear`: exact equilibrium of the pseudo-rigid stage and geometrically nonlinear finite
     elements; the mesh bands are those of the linear problem """
@@ -98,7 +107,12 @@ class Case(Sourced):
             "coarser meshes give the error bars"
         ),
     )
-    layers: int = Field(default=LAYERS, ge=3, le=MOST_LAYERS, alias="thickness_resolution")
+    layers: int = Field(
+        default=LAYERS,
+        ge=3,
+        le=MOST_LAYERS,
+        alias="thickness_resolution",
+    )
     """Layers in half the thickness, with `three_dimensional`; the bands need two smaller numbers of
     layers
     """

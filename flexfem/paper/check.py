@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import brief
+from flexfem.arrays import short_repr
 from flexfem.mechanism.mechanism import of_stage
 from flexfem.paper import warnings as warning
 from flexfem.paper.designs import stage_frames
@@ -72,7 +72,7 @@ class DriveReport(NamedTuple):
     not_stated: list[str]
 
 
-@brief
+@short_repr
 class StageReport(NamedTuple):
     """A valid, feasible stage: `dimensions` by keys of the file, `provenance` by key path; `drive`
     if it has one.
@@ -149,7 +149,11 @@ def _drive(stage: Stage) -> DriveReport:
     return DriveReport(found, stage.drive_hash, sources, **stage.drive_assumptions._asdict())
 
 
-def _placed_actuator(stage: Stage, index: int, chain: int) -> PlacedActuator:
+def _placed_actuator(
+    stage: Stage,
+    index: int,
+    chain: int,
+) -> PlacedActuator:
     """Return one actuator of a chain (from 0) with the ratings of its stacks."""
     actuator = actuators_of(stage)[chain][index]
     drive = drive_of(stage)

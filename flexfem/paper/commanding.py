@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, inverse
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.paper.contacts import PLAUSIBLE, Stack
-from flexfem.paper.designs import lower, stage_frames
+from flexfem.paper.designs import design_arrays, stage_frames
 from flexfem.paper.driven import DriveRanges, drive_ranges, sections_of, stress_along
 from flexfem.paper.drives import ActuatorSet, drive_of
 from flexfem.paper.fields import driven_response, neck_maxima, neck_wrenches, plane_stress
@@ -18,7 +18,7 @@ from flexfem.paper.model import AnalyticResult, ModelChoice, analyse, at_necks
 from flexfem.paper.responses import driven_model
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
-from flexfem.questions.driven import ROUND_OFF, Criterion, Driven, Motion, stack_names
+from flexfem.questions.driven import ROUND_OFF, Criterion, DriveSystem, Motion, stack_names
 
 
 class Commanding(NamedTuple):
@@ -32,10 +32,14 @@ class Commanding(NamedTuple):
     stage: Stage
     result: AnalyticResult
     necks: Array
-    system: Driven
+    system: DriveSystem
     across: Array
 
-    def carried(self, load: Array, force: Array) -> Array:
+    def carried(
+        self,
+        load: Array,
+        force: Array,
+    ) -> Array:
         """Return moment, axial and shear force (3, 3 chains, 3 hinges) of every notch.
 
         load : (3,), on the platform.   force : (n,), of the stacks.
@@ -43,15 +47,23 @@ class Commanding(NamedTuple):
         wrenches = self.necks @ np.concatenate([load, force])
         return np.array(at_necks(stage_frames(self.stage), wrenches[..., None]))[..., 0]
 
-    def stress(self, load: Array, force: Array) -> Array:
+    def stress(
+        self,
+        load: Array,
+        force: Array,
+    ) -> Array:
         """Return the largest von Mises stress (3 chains, 3 hinges) of every notch, MPa.
 
         load : (3,), on the platform.   force : (n,), of the stacks.
         """
-        sections = sections_of(lower(self.stage))[:, 0]
+        sections = sections_of(design_arrays(self.stage))[:, 0]
         return np.asarray(np.max(stress_along(sections, self.carried(load, force)), axis=-1))
 
-    def rotations(self, motion: Motion, load: Array) -> Array:
+    def rotations(
+        self,
+        motion: Motion,
+        load: Array,
+    ) -> Array:
         """Return the rotation (3 chains, 3 hinges) of every hinge relative to rest, rad."""
         return np.asarray(self.result.hinges.rotation * self.carried(load, motion.force)[0])
 
@@ -63,12 +75,16 @@ class DrivenElements(NamedTuple):
     """
 
     stage: Stage
-    mesh: StageMesh
+    mesh: PlaneMesh
     fields: Array
-    system: Driven
+    system: DriveSystem
     across: Array
 
-    def stress(self, load: Array, force: Array) -> Array:
+    def stress(
+        self,
+        load: Array,
+        force: Array,
+    ) -> Array:
         """As `Commanding.stress`."""
         field = np.tensordot(np.concatenate([load, force]), self.fields, axes=1)
         return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
@@ -83,7 +99,9 @@ def commanding(chosen: ModelChoice) -> Commanding:
     drive = drive_of(chosen.stage)
     C, necks = driven_model(chosen.stage, result, _with_friction(drive))
     n = 3 + len(drive.stacks)
-    return Commanding(chosen.stage, result, necks[..., :n], Driven.of(C[:n, :n], drive), C[:n, n:])
+    return Commanding(
+        chosen.stage, result, necks[..., :n], DriveSystem.of(C[:n, :n], drive), C[:n, n:]
+    )
 
 
 def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
@@ -93,10 +111,10 @@ def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
     found = driven_response(mesh, plate_of(stage), _with_friction(drive))
     n = 3 + len(drive.stacks)
     C = found.compliance
-    return DrivenElements(stage, mesh, found.nodal[:n], Driven.of(C[:n, :n], drive), C[:n, n:])
+    return DrivenElements(stage, mesh, found.nodal[:n], DriveSystem.of(C[:n, :n], drive), C[:n, n:])
 
 
-def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
+def element_ranges(stage: Stage, mesh: PlaneMesh) -> DriveRanges:
     """Return the ranges of a drive, n = 1, by finite elements.
 
     The neck stress follows from their wrenches as in the analytic model.
@@ -105,7 +123,9 @@ def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
     plate = plate_of(stage)
     found = driven_response(mesh, plate, drive.stacks)
     necks = neck_wrenches(mesh, plate, found.nodal)
-    return drive_ranges(lower(stage), Driven.of(found.compliance[None], drive), necks[None])
+    return drive_ranges(
+        design_arrays(stage), DriveSystem.of(found.compliance[None], drive), necks[None]
+    )
 
 
 def push_spread(model: Commanding) -> Array:
@@ -118,7 +138,7 @@ def push_spread(model: Commanding) -> Array:
     for factor in PLAUSIBLE:
         spread = tuple(stack.spread_over(factor) for stack in drive.stacks)  # limited to the links
         C = driven_model(model.stage, model.result, spread).compliance
-        stiffness.append(Driven.of(C, drive).stiffness)
+        stiffness.append(DriveSystem.of(C, drive).stiffness)
     return np.asarray(np.max(np.abs(stiffness - model.system.stiffness), axis=0))
 
 
@@ -129,7 +149,11 @@ def _with_friction(drive: ActuatorSet) -> tuple[Stack, ...]:
     return (*drive.stacks, *(drive.stacks[k].across for k in drive.rubbing))
 
 
-def left_open(system: Driven, across: Array, force: Array) -> Array:
+def half_widths_by_friction(
+    system: DriveSystem,
+    across: Array,
+    force: Array,
+) -> Array:
     """Return the half-widths (3,) of the poses possible with friction, mm, mm, rad.
 
     force : (n,), of all stacks, N.
@@ -148,7 +172,11 @@ def left_open(system: Driven, across: Array, force: Array) -> Array:
     return np.asarray(np.abs(per_force) @ tangential)
 
 
-def calibration(elements: Driven, model: Driven, lever: float) -> Array:
+def calibration(
+    elements: DriveSystem,
+    model: DriveSystem,
+    lever: float,
+) -> Array:
     """Return the matrix (3, 3) from a pose of finite elements to the pose to be commanded.
 
     The model then computes the strokes, without load, by which finite elements have the pose.
@@ -164,7 +192,12 @@ class _Exceeded(NamedTuple):
     texts: Sequence[str]
 
 
-def limit_warnings(system: Driven, x: Array, load: Array, criterion: Criterion) -> list[str]:
+def limit_warnings(
+    system: DriveSystem,
+    x: Array,
+    load: Array,
+    criterion: Criterion,
+) -> list[str]:
     """Return a warning per kind of limit that commands (m,) exceed: the number exceeded, and the
     largest excess.
     """
@@ -181,7 +214,11 @@ def limit_warnings(system: Driven, x: Array, load: Array, criterion: Criterion) 
     return found
 
 
-def _exceeded(system: Driven, x: Array, load: Array) -> dict[str, _Exceeded]:
+def _exceeded(
+    system: DriveSystem,
+    x: Array,
+    load: Array,
+) -> dict[str, _Exceeded]:
     """Return the kinds of limits in the order of `LIMITS`."""
     drive = system.drive
     stacks = stack_names(drive)

@@ -30,7 +30,11 @@ class Contact(NamedTuple):
     direction: float
 
 
-def contacts(stage: StageContent, chain: int, index: int) -> tuple[Stack, ...]:
+def contacts(
+    stage: StageContent,
+    chain: int,
+    index: int,
+) -> tuple[Stack, ...]:
     """Stack of an actuator on one chain (1 to 3), followed by the partner of a pair.
 
     Raises BadInput for a contact off the outline of its body.
@@ -45,7 +49,12 @@ def contacts(stage: StageContent, chain: int, index: int) -> tuple[Stack, ...]:
 class _Placing:
     """An actuator of one chain, and the outline of the body that it pushes."""
 
-    def __init__(self, stage: StageContent, chain: int, index: int) -> None:
+    def __init__(
+        self,
+        stage: StageContent,
+        chain: int,
+        index: int,
+    ) -> None:
         self.stage = stage
         self.chain = chain
         self.index = index
@@ -116,7 +125,11 @@ class _Placing:
             f"nearest is [{near.real:.4g}, {near.imag:.4g}]"
         )
 
-    def _outwards(self, contact: Contact, inward: complex) -> BadInput:
+    def _outwards(
+        self,
+        contact: Contact,
+        inward: complex,
+    ) -> BadInput:
         """Return the refusal of a force that is not directed into the body."""
         key = "direction_deg"
         angle = contact.direction
@@ -147,7 +160,11 @@ class _Placing:
         return Contact(point, float(np.angle(-first.direction)))
 
 
-def _free_edges(stage: StageContent, chain: int, body: str) -> list[Segment]:
+def _free_edges(
+    stage: StageContent,
+    chain: int,
+    body: str,
+) -> list[Segment]:
     """Return the free edges of a body, which lies to their left, in the frame of chain 1."""
     edges = list[Segment]()
     for sector in CHAINS if body == "platform" else (chain,):
@@ -168,7 +185,11 @@ def _at(path: tuple[Segment, ...], along: float) -> tuple[Segment, float]:
     return segment, min(along / segment.length, 1.0)
 
 
-def _crossings(segment: Segment, point: complex, direction: complex) -> list[float]:
+def _crossings(
+    segment: Segment,
+    point: complex,
+    direction: complex,
+) -> list[float]:
     """Signed distances, mm, from a point to the intersections of a line through it with a segment."""
     if segment.centre is None:
         start = (segment.start - point) / direction

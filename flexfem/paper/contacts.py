@@ -155,7 +155,11 @@ def _section(
     return np.asarray((hoop * 1j * spoke + (force / spoke).real * by_shear * spoke) * radius / r)
 
 
-def bend_stresses(a: float, b: float, r: Array) -> tuple[Array, Array, Array, Array]:
+def bend_stresses(
+    a: float,
+    b: float,
+    r: Array,
+) -> tuple[Array, Array, Array, Array]:
     """Stresses (n,) at r in a bend from radius a to b, thickness one, for a unit moment, axial
     force and shear force.
 

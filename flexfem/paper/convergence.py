@@ -14,7 +14,7 @@ from flexfem.paper.stage import Stage
 from flexfem.questions.bands import refinements
 from flexfem.questions.convergence import MeshConvergence, refined
 from flexfem.questions.setup import on_meshes
-from flexfem.results import COARSER, Gate, Progress, Quantity
+from flexfem.results import COARSE_MESHES, Gate, Progress, Quantity
 
 RESOLUTIONS = (3, 4, 6, 8, 11, 15)
 
@@ -23,8 +23,8 @@ class StageConvergence(MeshConvergence):
     """Compliance of the platform on meshes of increasing resolution, and its extrapolated limit."""
 
     kind_name = "mesh_convergence"
-    along = replace(MeshConvergence.along, gate=COARSER)
-    extrapolated = replace(MeshConvergence.extrapolated, gate=COARSER)
+    along = replace(MeshConvergence.along, gate=COARSE_MESHES)
+    extrapolated = replace(MeshConvergence.extrapolated, gate=COARSE_MESHES)
     order = replace(MeshConvergence.order, gate=Gate(0.1))
     unknowns = replace(MeshConvergence.unknowns, gate=Gate(0.05))
     triangles = Quantity("triangles", "", ("mesh",), Gate(0.05))
@@ -32,7 +32,7 @@ class StageConvergence(MeshConvergence):
         "compliance",
         "compliance matrix",
         ("mesh", "component", "direction"),
-        COARSER,
+        COARSE_MESHES,
         "matrix",
         shown=False,
     )

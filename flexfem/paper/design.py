@@ -83,7 +83,11 @@ class StageDesignKind(DesignKind):
             columns |= dict(zip(SCATTERED, couplings.T, strict=True))
         return columns
 
-    def _masses(self, values: Array, reason: AnyArray) -> Array:
+    def _masses(
+        self,
+        values: Array,
+        reason: AnyArray,
+    ) -> Array:
         """Return the masses (n,), tonne, nan where a stage cannot be drawn."""
         drawn = for_stages(
             lambda k: cast(Stage, mechanism_of(self.loaded, values[k])),
@@ -109,7 +113,11 @@ class StageDesignKind(DesignKind):
             couplings, solver.solve_scattered(values, self.scatter.others[:checked])
         )
 
-    def scattered(self, values: Array, off: Array) -> ScatteredDesigns:
+    def scattered(
+        self,
+        values: Array,
+        off: Array,
+    ) -> ScatteredDesigns:
         """Return the designs of deviations `off` (n, 3, 3) of the nine necks, mm, from a design."""
         stage = cast(Stage, mechanism_of(self.loaded, values))
         hinges = list(product(CHAINS, HINGE_NAMES))
@@ -127,7 +135,12 @@ class StageDesignKind(DesignKind):
         relative = push_spread(driven) / driven.system.stiffness
         return dict(zip(ENGAGED, map(float, relative), strict=True))
 
-    def warnings(self, values: Array, columns: Mapping[str, float], first_gap: float) -> list[str]:
+    def warnings(
+        self,
+        values: Array,
+        columns: Mapping[str, float],
+        first_gap: float,
+    ) -> list[str]:
         """Return warnings about a design (d,): outside the range of a model, or not checked."""
         required = self.required
         loaded = self.loaded
@@ -161,7 +174,11 @@ class StageDesignKind(DesignKind):
             yield f"{subject} are computed from elastic stress, beyond yield"
 
 
-def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:
+def formula_errors(
+    designs: Designs,
+    stiffness: Array,
+    formula: str,
+) -> Array:
     """Return the errors (n, 3), %, along x, y, theta of a model with a hinge formula and the
     stage's own mobility.
 

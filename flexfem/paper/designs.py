@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index, direction
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.paper.actuators import ActuatorNumbers
 from flexfem.paper.frames import Frames, frames
 from flexfem.paper.stage_file import CHAINS, Plane, StageContent, actuators_of, hinges_of
@@ -104,8 +104,8 @@ class Designs:
         return replace(self, **copies)
 
 
-@once
-def lower(stage: StageContent) -> Designs:
+@memoized
+def design_arrays(stage: StageContent) -> Designs:
     """Return one stage as n = 1 designs with read-only arrays."""
     hinges = hinges_of(stage)
     values = {"thickness": stage.thickness, **_of_material(stage), **_of_bodies(stage)}
@@ -151,7 +151,7 @@ def _of_bodies(stage: StageContent) -> dict[str, Any]:
 
 def stage_frames(stage: StageContent) -> Frames:
     """Hinge frames of one stage: centres (3, 3, 2) in mm, axes (3, 3) in rad, read-only."""
-    centres, axes = lower(stage).frames
+    centres, axes = design_arrays(stage).frames
     return Frames(centres[0], axes[0])
 
 

@@ -83,7 +83,11 @@ def stage_callouts(stage: StageContent, layout: Layout) -> list[Callout]:
     return callouts
 
 
-def with_mounting_holes(stage: StageContent, layout: Layout, diameter: float) -> Layout:
+def with_mounting_holes(
+    stage: StageContent,
+    layout: Layout,
+    diameter: float,
+) -> Layout:
     """Return the layout of a stage with a hole in the middle of every pad.
 
     Raises BadInput for a hole, mm, as wide as the pad.

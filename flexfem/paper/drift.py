@@ -24,11 +24,11 @@ from flexfem.fem.response import (
 )
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.expansion import Expansion, coefficients, expansion_of, require_expansion
 from flexfem.paper import answers
 from flexfem.paper import warnings as warning
-from flexfem.paper.designs import lower, stage_frames
+from flexfem.paper.designs import design_arrays, stage_frames
 from flexfem.paper.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.paper.links import body_compliance, edge_motions
 from flexfem.paper.model import ModelChoice, analyse
@@ -48,7 +48,7 @@ from flexfem.questions.heat import (
 from flexfem.questions.plates import Values
 from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import FRESH, SHEET, SOLID, SOLVED, STRESS, Fields, Progress, Quantity
+from flexfem.results import NEW_MESH, SHEET, SOLID, SOLVED, STRESS, Fields, Progress, Quantity
 from flexfem.units import EXPANSION
 
 IN_DEPTH = "gradient in z"
@@ -75,7 +75,7 @@ class Drift(MechanismDrift):
     figure = "paper.figures.drift.drift_figure"
     has_mesh_fields = True
     drawn_from_fields = True
-    reading = (
+    footnotes = (
         "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, the "
         "same in stage and frame",
         PROPORTIONAL,
@@ -84,7 +84,7 @@ class Drift(MechanismDrift):
         "displacement per K or K/mm",
         "motion",
         ("case", "model", "direction"),
-        FRESH._replace(absolute=1e-15),
+        NEW_MESH._replace(absolute=1e-15),
         "pose",
     )
     stress = Quantity(
@@ -106,7 +106,7 @@ class Drift(MechanismDrift):
         "displacement and rotations about x and y by a gradient of 1 K/mm in z",
         ("mm", "rad", "rad"),
         ("model", "out of plane"),
-        FRESH,
+        NEW_MESH,
         "all",
     )
     unlike = Quantity(
@@ -121,7 +121,7 @@ class Drift(MechanismDrift):
         "reaction of the ground about the platform's centre per K or K/mm",
         "wrench",
         ("case", "model", "chain", "direction"),
-        FRESH,
+        NEW_MESH,
         "all",
         shown=False,
     )
@@ -158,7 +158,7 @@ def drift(
     """Displacement and stress of a stage per kelvin, and per kelvin per mm along X, Y and Z."""
     layers = setup.elements_through(solid, thickness_resolution)
     mesh = answers.mesh_of(stage, models, resolution, layers, LEAST_SOLID if layers else 4)
-    with located(stage):
+    with naming_place(stage):
         require_expansion(stage)
     in_depth = mesh is not None and mesh.layers > 0
     cases = (*CASES, IN_DEPTH) if in_depth else CASES
@@ -205,7 +205,11 @@ def _settings(stage: Stage, model: str | None) -> dict[str, Any]:
     return {"expansion": of_stage, "frame": of_frame, "analytic model": model}
 
 
-def _with_sheet(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dict[str, ModelAnswer]:
+def _with_sheet(
+    stage: Stage,
+    mesh: Mesh,
+    found: dict[str, ModelAnswer],
+) -> dict[str, ModelAnswer]:
     """Return the values of models with those in plane stress before those in three dimensions."""
     response = heat_response(meshed(stage, mesh.resolution), sheet_of(stage), *coefficients(stage))
     sheet = ModelAnswer({"pose": response.motions.T})
@@ -241,15 +245,19 @@ def _by_pivots(chosen: ModelChoice, expansion: Expansion) -> Values:
     bodies = None
     if chosen.links:
         bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None])
-    parts = analytic_drift(lower(stage), hinges, at_rest.freedoms, *rates, bodies)
+    parts = analytic_drift(design_arrays(stage), hinges, at_rest.freedoms, *rates, bodies)
     pose, reaction, stress = (np.moveaxis(part[0], -1, 0) for part in parts)
     highest = _with_stress_across(stage, stress, expansion)
     return {"pose": pose, "stress": highest, "reaction": reaction}
 
 
-def _with_stress_across(stage: Stage, stress: Array, expansion: Expansion) -> Array:
+def _with_stress_across(
+    stage: Stage,
+    stress: Array,
+    expansion: Expansion,
+) -> Array:
     """Return von Mises stresses (3 cases, 3 chains, 3 hinges) with the stress across the plane."""
-    ratio = lower(stage).out_of_plane
+    ratio = design_arrays(stage).out_of_plane
     along = stress / von_mises_along(ratio)[0]
     temperature = np.concatenate([np.ones((3, 3, 1)), stage_frames(stage).centres], axis=-1)
     by_heat = expansion.across * np.moveaxis(temperature, -1, 0)
@@ -291,7 +299,11 @@ def _of_unlike_chains(chosen: ModelChoice, cases: int) -> dict[str, Array]:
     return {"unlike": unlike}
 
 
-def _in_plane(stage: Stage, resolution: int, _: int) -> Solution:
+def _in_plane(
+    stage: Stage,
+    resolution: int,
+    _: int,
+) -> Solution:
     """Return the three cases by plane finite elements."""
     mesh = meshed(stage, resolution)
     plate = plate_of(stage)
@@ -337,7 +349,11 @@ class Warmed(NamedTuple):
     field: Array
 
 
-def _in_depth(stage: Stage, resolution: int, layers: int) -> Solution:
+def _in_depth(
+    stage: Stage,
+    resolution: int,
+    layers: int,
+) -> Solution:
     """Return the four cases by wedge elements.
 
     A frame of another expansion strains the clamped faces most at their corners, where stress is
@@ -349,7 +365,9 @@ def _in_depth(stage: Stage, resolution: int, layers: int) -> Solution:
     difference = of_frame - of_stage
     sectors = sectors_of(stage, resolution)
     even, odd = (
-        factorised_sectors(sectors, sheet_of(stage), layers_of(stage, layers, half)).warmed()
+        factorised_sectors(
+            sectors, sheet_of(stage), layers_of(stage, layers, half)
+        ).thermal_response()
         for half in (False, True)
     )
     loads = difference * np.eye(3)

@@ -20,7 +20,7 @@ from flexfem.paper.commanding import (
     calibration,
     commanding,
     driven_elements,
-    left_open,
+    half_widths_by_friction,
     limit_warnings,
     push_spread,
 )
@@ -36,7 +36,7 @@ from flexfem.questions.driven import (
     LIMITS,
     ROUND_OFF,
     Criterion,
-    Driven,
+    DriveSystem,
     Unreachable,
     stack_names,
 )
@@ -45,9 +45,9 @@ from flexfem.questions.warnings import of_yield
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
-    COARSER,
+    COARSE_MESHES,
     ELEMENTS,
-    FRESH,
+    NEW_MESH,
     SOLVED,
     STRESS,
     Gate,
@@ -77,12 +77,12 @@ class StageDrive(Result):
 
     kind_name = "drive"
     title = "strokes and forces for a pose"
-    main = ("share", {"criterion": "within limits"})
+    main_result = ("share", {"criterion": "within limits"})
     labels: ClassVar = {"limit": LIMITS}
     columns = ("criterion", "direction")
     figure = "paper.figures.drive.command_figure"
     drawn_from_fields = True
-    reading = (
+    footnotes = (
         "strokes and rotations are relative to rest; forces and stress include the preloads; the "
         "other directions are held unless a stiffness states otherwise",
     )
@@ -112,7 +112,7 @@ class StageDrive(Result):
         "largest pose uncertainty by friction (±)",
         "motion",
         ("strokes by", "model", "direction"),
-        FRESH,
+        NEW_MESH,
         "pose",
     )
     stiffness = Quantity("stiffness", "stiffness", ("state", "direction"), SOLVED)
@@ -130,14 +130,14 @@ class StageDrive(Result):
         "error of finite elements with the strokes",
         "motion",
         ("commanding model", "direction"),
-        COARSER,
+        COARSE_MESHES,
         "all",
     )
     calibration = Quantity(
         "pose command for a unit pose",
         UNIT_POSES,
         ("component", "direction"),
-        COARSER,
+        COARSE_MESHES,
         "matrix",
         shown=False,
     )
@@ -213,7 +213,11 @@ def drive(
     )
 
 
-def _commands(system: Driven, asked: _Asked, warnings: list[str]) -> dict[Criterion, Array]:
+def _commands(
+    system: DriveSystem,
+    asked: _Asked,
+    warnings: list[str],
+) -> dict[Criterion, Array]:
     """Return the commands (m,) by criterion; one that cannot be met is left out with a warning."""
     commands = dict[Criterion, Array]()
     reason = ""
@@ -242,7 +246,11 @@ def _labels(
     }
 
 
-def _beyond_limits(system: Driven, command: Array, load: Array) -> str:
+def _beyond_limits(
+    system: DriveSystem,
+    command: Array,
+    load: Array,
+) -> str:
     """Describe the most exceeded limit, "" within all of them."""
     shares = {name: np.max(share) for name, share in system.shares(command, load).items()}
     limit = max(shares, key=shares.__getitem__)
@@ -251,7 +259,11 @@ def _beyond_limits(system: Driven, command: Array, load: Array) -> str:
     return f"it requires {shares[limit]:.4g} times the limit of {limit}"
 
 
-def _of_strokes(first: Commanding, X: Array, asked: _Asked) -> dict[str, Any]:
+def _of_strokes(
+    first: Commanding,
+    X: Array,
+    asked: _Asked,
+) -> dict[str, Any]:
     """Return what follows from the model that computes the commands X (c, m)."""
     system = first.system
     stacks = system.drive
@@ -277,14 +289,20 @@ def _of_strokes(first: Commanding, X: Array, asked: _Asked) -> dict[str, Any]:
     }
 
 
-def _of_model(model: Commanding | DrivenElements, X: Array, asked: _Asked) -> setup.ModelAnswer:
+def _of_model(
+    model: Commanding | DrivenElements,
+    X: Array,
+    asked: _Asked,
+) -> setup.ModelAnswer:
     """Return neck stress, and what friction leaves open, of one model with the commands X (c, m)."""
     stacks = model.system.drive
     forces = [stacks.preload + model.system.moved(x, asked.load).force for x in X]
     stress = np.stack([model.stress(asked.load, force) for force in forces], axis=-1)
     values: dict[str, Any] = {"stress": stress}
     if stacks.rubbing:
-        values["friction"] = [left_open(model.system, model.across, force) for force in forces]
+        values["friction"] = [
+            half_widths_by_friction(model.system, model.across, force) for force in forces
+        ]
     return setup.ModelAnswer(values)
 
 
@@ -311,7 +329,12 @@ def _stiffness(
     return states
 
 
-def _preloaded(joints: Serial, drive: ActuatorSet, force: Array, load: Array) -> Array:
+def _preloaded(
+    joints: Serial,
+    drive: ActuatorSet,
+    force: Array,
+    load: Array,
+) -> Array:
     """Return the stiffness diagonal (3,) with engaged stacks under forces (n,), N; nan if it is
     unstable.
     """
@@ -345,7 +368,11 @@ class _OpenLoop(NamedTuple):
     calibration: Array
 
 
-def _open_loop(elements: DrivenElements, first: Commanding, asked: _Asked) -> _OpenLoop:
+def _open_loop(
+    elements: DrivenElements,
+    first: Commanding,
+    asked: _Asked,
+) -> _OpenLoop:
     """Return the errors of finite elements with least-energy strokes of several models, and of the
     calibrated first.
     """

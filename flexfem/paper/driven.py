@@ -13,7 +13,7 @@ from flexfem.arrays import Array, Index, inverse
 from flexfem.paper.designs import Designs
 from flexfem.paper.model import at_necks, stress_raised
 from flexfem.paper.warnings import YIELD_MARGIN
-from flexfem.questions.driven import SINGULAR, CommandLimits, Driven
+from flexfem.questions.driven import SINGULAR, CommandLimits, DriveSystem
 from flexfem.questions.simplex import Violation, WorstLimit
 
 HALF_LENGTH = 0.7  # of the checked part of a neck, per notch radius
@@ -63,7 +63,12 @@ class StageLimits(CommandLimits):
     at_rest: Array
     strength: Array
 
-    def further(self, design: Index, Z: Array, base: Array) -> WorstLimit:
+    def further(
+        self,
+        design: Index,
+        Z: Array,
+        base: Array,
+    ) -> WorstLimit:
         """Return yield, at the worst section of each neck."""
         forces = self.forces[:, design]
         at_base = self.at_rest[:, design] + np.einsum("ipkm,pm->ipk", forces, base)
@@ -97,7 +102,12 @@ class StageLimits(CommandLimits):
         return self.yields(each, self.forces, self.at_rest, each, no_commands).where
 
 
-def command_limits(designs: Designs, system: Driven, necks: Array, load: Array) -> StageLimits:
+def command_limits(
+    designs: Designs,
+    system: DriveSystem,
+    necks: Array,
+    load: Array,
+) -> StageLimits:
     """Return all limits of n driven designs under a load (3,).
 
     The preloads of a pair balance each other; that of a single stack stresses the necks.
@@ -137,7 +147,11 @@ class DriveRanges(NamedTuple):
         return np.asarray(np.min(self.reach, axis=1))
 
 
-def drive_ranges(designs: Designs, system: Driven, necks: Array) -> DriveRanges:
+def drive_ranges(
+    designs: Designs,
+    system: DriveSystem,
+    necks: Array,
+) -> DriveRanges:
     """Return the ranges of the drives of n designs.
 
     Parameters
@@ -162,7 +176,7 @@ def drive_ranges(designs: Designs, system: Driven, necks: Array) -> DriveRanges:
         limits = command_limits(designs.chosen(batch), system.at(batch), necks[batch], np.zeros(3))
         Z = _along_axes(normalised[batch], scale[batch])
         each = np.repeat(np.arange(len(batch)), 6)
-        farthest = limits.farthest(each, Z, np.zeros(Z.shape[:2])).points[:, 0]
+        farthest = limits.maximised(each, Z, np.zeros(Z.shape[:2])).points[:, 0]
         at_rest = limits.yields_at_rest()[:, None, None]
         reach[batch] = np.where(at_rest, np.nan, farthest.reshape(-1, 2, 3))
     return DriveRanges(reach, inverse(system.engaged))

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.layout import ActuatorSet as ActuatorSet
 from flexfem.paper.actuators import (
     BODY_NAMES,
@@ -30,7 +30,7 @@ from flexfem.paper.bodies import FILLET
 from flexfem.paper.contact_points import BESIDE
 from flexfem.paper.contact_points import contacts as contacts
 from flexfem.paper.contacts import Push, Stack, wrench_of
-from flexfem.paper.designs import Designs, lower
+from flexfem.paper.designs import Designs, design_arrays
 from flexfem.paper.frames import CHAIN_TURN
 from flexfem.paper.stage_file import CHAINS, StageContent, actuators_of
 from flexfem.refused import BadInput
@@ -52,18 +52,18 @@ StageAt = Callable[[int], StageContent]  # returns a design as a stage
 Rows = tuple[tuple[Actuator, ...], ...]  # the actuators of every chain
 
 
-@once
+@memoized
 def drive_of(stage: StageContent) -> ActuatorSet:
     """Return the drive of a stage.
 
     Raises BadInput for a stage without actuators or a contact off its body.
     """
-    with located(stage):
+    with naming_place(stage):
         if not stage.actuator:
             raise BadInput("no [[actuator]]: the stage has no drive")
         places = product(CHAINS, range(len(stage.actuator)))
         stacks = [stack for chain, index in places for stack in contacts(stage, chain, index)]
-        return _drive_with(stacks, lower(stage), actuators_of(stage)).at(0)
+        return _drive_with(stacks, design_arrays(stage), actuators_of(stage)).at(0)
 
 
 def drives_of(
@@ -164,7 +164,11 @@ class _Links(NamedTuple):
         return np.asarray(apart.real - self.radius - self.last_radius)
 
 
-def _links(designs: Designs, chain: int, first: int) -> _Links:
+def _links(
+    designs: Designs,
+    chain: int,
+    first: int,
+) -> _Links:
     """Return the links of n designs that begin at a hinge (from 0) of a chain (from 0)."""
     to_first_chain = np.exp(-1j * CHAIN_TURN * chain)
     centres = (designs.frames.centres[:, chain] @ np.array([1, 1j])) * to_first_chain
@@ -184,7 +188,12 @@ def _links(designs: Designs, chain: int, first: int) -> _Links:
     )
 
 
-def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> _ClosedForm:
+def _contact(
+    designs: Designs,
+    chain: int,
+    index: int,
+    actuator: Actuator,
+) -> _ClosedForm:
     """Evaluate the first contact of an actuator of a chain (from 0) in closed form."""
     numbers = ActuatorNumbers(*(values[:, chain, index] for values in _numbers(designs)))
     if actuator.point is not None:
@@ -245,11 +254,20 @@ def _distinct(designs: Designs, which: AnyArray) -> tuple[AnyArray, AnyArray]:
     contact = designs.actuator[which][..., : len(GEOMETRY)]
     shape.append(contact.reshape(len(which), -1))
     rows = np.nan_to_num(np.concatenate(shape, axis=1), nan=NOWHERE)
-    _, firsts, group_of = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    _, firsts, group_of = np.unique(
+        rows,
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
     return firsts, np.ravel(group_of)
 
 
-def _drive_with(stacks: list[Stack], designs: Designs, chains: Rows) -> ActuatorSet:
+def _drive_with(
+    stacks: list[Stack],
+    designs: Designs,
+    chains: Rows,
+) -> ActuatorSet:
     """Return the drive of n designs with given stacks, by chain and actuator, the partners of a
     pair adjacent.
     """
@@ -283,7 +301,11 @@ def _drive_with(stacks: list[Stack], designs: Designs, chains: Rows) -> Actuator
     )
 
 
-def _stiffness(designs: Designs, numbers: ActuatorNumbers, chains: Rows) -> Array:
+def _stiffness(
+    designs: Designs,
+    numbers: ActuatorNumbers,
+    chains: Rows,
+) -> Array:
     """Stiffness (n, 3 chains, actuators), N/mm, of stacks and contacts in series."""
     by_stroke = _blocking(numbers) / numbers.stroke
     stack = np.where(np.isnan(numbers.stiffness), by_stroke, numbers.stiffness)

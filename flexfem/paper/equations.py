@@ -39,7 +39,11 @@ FREEDOMS_BY_MOBILITY: dict[int, Freedoms] = {
 }
 
 
-def gruebler_kutzbach(links: int, joint_freedoms: Iterable[int], dimension: int = 3) -> int:
+def gruebler_kutzbach(
+    links: int,
+    joint_freedoms: Iterable[int],
+    dimension: int = 3,
+) -> int:
     """Return M = D (N - 1) + sum (f_i - D) (1) for N links, one of them the ground.
 
     D = 3 in the plane, 6 in space.
@@ -134,7 +138,11 @@ class Configuration(NamedTuple):
     axes: Array
 
 
-def chain_poses(frames: Frames, joints: Joints, displacement: Array) -> Configuration:
+def chain_poses(
+    frames: Frames,
+    joints: Joints,
+    displacement: Array,
+) -> Configuration:
     """Return the platform pose at finite joint displacements by each chain, (19)-(21).
 
     Parameters
@@ -232,7 +240,11 @@ class Influence(NamedTuple):
     H_u: Array
 
 
-def choose(frames: Frames, joints: Joints, springs: Array) -> Choice:
+def choose(
+    frames: Frames,
+    joints: Joints,
+    springs: Array,
+) -> Choice:
     """Return the paper's choice of independent joints, else that of `rank_revealing`.
 
     The paper states one for some mobilities.
@@ -254,7 +266,11 @@ def chosen(joints: Joints, is_independent: Array | Index) -> Choice:
     return Choice(np.flatnonzero(flags), np.flatnonzero(~flags))
 
 
-def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
+def rank_revealing(
+    frames: Frames,
+    joints: Joints,
+    springs: Array,
+) -> Choice:
     """Choose six dependent joints for every design.
 
     They follow by a pivoted QR decomposition of the loop Jacobian at rest.
@@ -275,12 +291,24 @@ def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
     W = W * np.where(is_rotation, length, 1.0) / np.sqrt(springs)[..., None, :]
     pivots = list[Array]()
     for w in W.reshape(-1, *W.shape[-2:]):
-        pivots.append(qr(w, mode="r", pivoting=True, check_finite=False)[1])
+        pivots.append(
+            qr(
+                w,
+                mode="r",
+                pivoting=True,
+                check_finite=False,
+            )[1]
+        )
     order = np.array(pivots).reshape(*W.shape[:-2], W.shape[-1])
     return Choice(np.sort(order[..., DEPENDENT:]), np.sort(order[..., :DEPENDENT]))
 
 
-def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Array) -> Influence:
+def influence(
+    frames: Frames,
+    joints: Joints,
+    choice: Choice,
+    displacement: Array,
+) -> Influence:
     """Return the influence coefficients of first and second order, (5) to (9).
 
     displacement : (..., N), of the joints.
@@ -300,7 +328,11 @@ def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Arra
     return Influence(at.pose[..., 0, :], gap, A_inverse, G_p, G_a, G_u, H_p, H_u)
 
 
-def _second_by_independent(joints: Joints, iG: list[Array], G_a: Array) -> tuple[Array, Array]:
+def _second_by_independent(
+    joints: Joints,
+    iG: list[Array],
+    G_a: Array,
+) -> tuple[Array, Array]:
     """Return second derivatives by the independent joints, as of `second_order`.
 
     They are those of the first chain (..., 3, M, M), and of both loops (..., 6, M, M).
@@ -351,7 +383,11 @@ def columns(L: Array, index: Index) -> Array:
     return np.take_along_axis(L, index[..., None, :], axis=-1)
 
 
-def in_joint_order(dependent: Array, independent: Array, choice: Choice) -> Array:
+def in_joint_order(
+    dependent: Array,
+    independent: Array,
+    choice: Choice,
+) -> Array:
     """Merge rows of the dependent and the independent joints in joint order (..., N, K).
 
     dependent : (..., 6, K).   independent : (..., M, K).
@@ -446,7 +482,12 @@ def stiffness(
     return JointStiffness(K_aa, C_aa, C_uu, inverse(C_uu), coefficients)  # (18)
 
 
-def _joint_compliance(K_a: Array, K_p: Array, G_p: Array, S: Array) -> Array:
+def _joint_compliance(
+    K_a: Array,
+    K_p: Array,
+    G_p: Array,
+    S: Array,
+) -> Array:
     """K_aa^-1 from the factors of (16); S is its second-order terms.
 
     In the sum K_aa stiff dependent springs would round off the soft ones. With K_a + G_p^T K_p G_p
@@ -467,7 +508,11 @@ def effective_load(
     return tau_a + transposed(coefficients.G_p, tau_p) + transposed(coefficients.G_u, load)  # (13)
 
 
-def inverse_kinematics(model: PaperModel, at: JointStiffness, du: Array) -> JointMotion:
+def inverse_kinematics(
+    model: PaperModel,
+    at: JointStiffness,
+    du: Array,
+) -> JointMotion:
     """Return the joint motion of least potential energy for a motion of the platform, (29)-(31).
 
     du : (..., 3), displacement of the platform.

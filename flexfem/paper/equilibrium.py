@@ -151,7 +151,11 @@ def at_pose(model: PaperModel, pose: Array) -> Equilibrium:
     return _paper_equilibrium(model, np.asarray(pose, dtype=float), hold=True)
 
 
-def loaded(joints: Serial, force: Array, load: Array) -> Equilibrium:
+def loaded(
+    joints: Serial,
+    force: Array,
+    load: Array,
+) -> Equilibrium:
     """Return the equilibrium with constant forces (n,) of the stacks, N, and a dead load (3,).
 
     It is exact, as in (16).
@@ -168,7 +172,11 @@ def loaded(joints: Serial, force: Array, load: Array) -> Equilibrium:
     return equilibrium
 
 
-def _paper_equilibrium(model: PaperModel, target: Array, hold: bool) -> Equilibrium:
+def _paper_equilibrium(
+    model: PaperModel,
+    target: Array,
+    hold: bool,
+) -> Equilibrium:
     joints = _serial_of(model)
     singular = np.asarray(np.isnan(stiffness(model).K_uu).any(axis=(-2, -1)))
     for steps in LOAD_STEPS:
@@ -290,7 +298,13 @@ def _newton_matrix(at: JointState, hold: bool) -> Array:
     return M
 
 
-def _residual(at: JointState, x: _Unknowns, force: Array, target: Array, hold: bool) -> Array:
+def _residual(
+    at: JointState,
+    x: _Unknowns,
+    force: Array,
+    target: Array,
+    hold: bool,
+) -> Array:
     """What is left (..., r + 12) of the equations of `_equilibrium`."""
     of_joints = force @ at.J + apply(np.swapaxes(at.G, -1, -2), x.w) - x.q
     of_poses = x.u @ TO_CHAINS.T - at.pose
@@ -351,7 +365,11 @@ def _stacks_on(stacks: tuple[Stack, ...], chain: int) -> list[int]:
     return [number for number, stack in enumerate(stacks) if stack.chain == chain - 1]
 
 
-def _with_platform(own: _OwnJoints, to_hub: Array, first: int) -> ChainJoints:
+def _with_platform(
+    own: _OwnJoints,
+    to_hub: Array,
+    first: int,
+) -> ChainJoints:
     """Return the joints of a chain, numbered from `first`, then those of the platform, from 0.
 
     All chains share the latter. to_hub : (3, p), their twists.
@@ -372,7 +390,12 @@ def _platform_joints(stage: Stage) -> Array:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _chain_stack(number: int, stack: Stack, shares: Array, follows: Follows) -> ChainStack:
+def _chain_stack(
+    number: int,
+    stack: Stack,
+    shares: Array,
+    follows: Follows,
+) -> ChainStack:
     """Return a stack as part of its chain.
 
     shares : (2, k), of its forces on the actuated body and on its carrier distal to each joint.
@@ -397,7 +420,12 @@ class _OwnJoints(NamedTuple):
     is_link: NDArray[np.bool_]
 
 
-def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]) -> _OwnJoints:
+def _joints(
+    stage: Stage,
+    chain: int,
+    result: AnalyticResult,
+    pushes: list[Push],
+) -> _OwnJoints:
     """Return the joints of a chain; where pushes act, there are shares of their forces."""
     pieces = link_pieces(stage, chain, pushes) if result.links else []
     R = chain_rotation(chain - 1)
@@ -422,7 +450,11 @@ def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]
     )
 
 
-def _hinge_twists(stage: Stage, chain: int, result: AnalyticResult) -> list[Array]:
+def _hinge_twists(
+    stage: Stage,
+    chain: int,
+    result: AnalyticResult,
+) -> list[Array]:
     """Return the twists (3, k) of the k freedoms of each hinge of a chain, of unit stiffness."""
     root = np.sqrt(np.stack(np.broadcast_arrays(*result.hinges), axis=-1))[chain - 1]
     frames = stage_frames(stage)
@@ -483,7 +515,12 @@ def _bodies_of(chain: ChainJoints, motion: Array) -> _ChainBodies:
     return _ChainBodies(rotor, origin, v, psi[..., -1])
 
 
-def joint_state(joints: Serial, q: Array, wrench: Array, force: Array) -> JointState:
+def joint_state(
+    joints: Serial,
+    q: Array,
+    wrench: Array,
+    force: Array,
+) -> JointState:
     """Return the chains at unknowns (..., r).
 
     wrench : (..., 9), on the ends of the chains.   force : (n,), of the stacks.
@@ -594,7 +631,11 @@ def axis_poses(commanded: Array, axis: int) -> Array:
     return np.asarray(commanded[..., None] * np.eye(3)[axis])
 
 
-def summed_loads(model: PaperModel, commanded: Array, axis: int) -> dict[str, Array]:
+def summed_loads(
+    model: PaperModel,
+    commanded: Array,
+    axis: int,
+) -> dict[str, Array]:
     """Return loads (n, 3) at commands (n,), one of them rest.
 
     The loads are integrals of the stiffness, `tangent` and `without` the second-order terms.
@@ -615,7 +656,11 @@ def with_pose_axis(model: PaperModel) -> PaperModel:
     return model._replace(frames=frames, springs=model.springs[..., None, :])
 
 
-def linear_errors(model: PaperModel, amplitude: Array, lever: ArrayLike) -> LinearErrors:
+def linear_errors(
+    model: PaperModel,
+    amplitude: Array,
+    lever: ArrayLike,
+) -> LinearErrors:
     """Return the errors of linear positions and tangents over a box of poses.
 
     They are taken at its corners and the middles of edges and faces.

@@ -31,7 +31,7 @@ from flexfem.paper.stage import Stage
 from flexfem.questions.setup import Analytic, Mesh, Models, about, mesh_of, meshed, question
 from flexfem.questions.warnings import of_yield
 from flexfem.refused import ComputationFailed
-from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
+from flexfem.results import COARSE_MESHES, SOLVED, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
 PAPER = Analytic(formula=DEFAULT_FORMULA)
@@ -50,7 +50,7 @@ class Experiment(Result):
     """Slopes of load over displacement: of the model, of the stage, simulated and measured."""
 
     title = "stiffness experiment"
-    main = ("deviation", {})
+    main_result = ("deviation", {})
     columns = ("source", "against", "part")
     labels: ClassVar = {
         "source": ("model", "stage", "simulated", "measured"),
@@ -59,37 +59,50 @@ class Experiment(Result):
     }
     figure = "paper.figures.experiment.experiment_figure"
     slope = Quantity(
-        "slope of load over displacement", "stiffness", ("direction", "source"), COARSER
+        "slope of load over displacement", "stiffness", ("direction", "source"), COARSE_MESHES
     )
-    deviation = Quantity("deviation from the model", "percent", ("direction", "against"), COARSER)
-    share = Quantity("share of the displacement reading", "percent", ("direction", "part"), COARSER)
-    low = Quantity("simulated slope, low end of interval", "stiffness", ("direction",), COARSER)
-    high = Quantity("high end of interval", "stiffness", ("direction",), COARSER)
-    softer = Quantity("loss of apparent stiffness", "percent", ("direction",), COARSER)
-    spring = Quantity("series spring that causes this loss", "stiffness", ("direction",), COARSER)
-    ratio = Quantity("spring over stage stiffness", "", ("direction",), COARSER)
+    deviation = Quantity(
+        "deviation from the model", "percent", ("direction", "against"), COARSE_MESHES
+    )
+    share = Quantity(
+        "share of the displacement reading", "percent", ("direction", "part"), COARSE_MESHES
+    )
+    low = Quantity(
+        "simulated slope, low end of interval", "stiffness", ("direction",), COARSE_MESHES
+    )
+    high = Quantity("high end of interval", "stiffness", ("direction",), COARSE_MESHES)
+    softer = Quantity("loss of apparent stiffness", "percent", ("direction",), COARSE_MESHES)
+    spring = Quantity(
+        "series spring that causes this loss", "stiffness", ("direction",), COARSE_MESHES
+    )
+    ratio = Quantity("spring over stage stiffness", "", ("direction",), COARSE_MESHES)
     pole = Quantity("stiffness of the pole", "stiffness", ("direction",), SOLVED)
     noiseless = Quantity(
-        "slope without noise and steps", "stiffness", ("direction",), COARSER, shown=False
+        "slope without noise and steps", "stiffness", ("direction",), COARSE_MESHES, shown=False
     )
     intercept = Quantity(
-        "load at zero displacement", "wrench", ("direction",), COARSER, "all", shown=False
+        "load at zero displacement", "wrench", ("direction",), COARSE_MESHES, "all", shown=False
     )
     explained = Quantity(
-        "stiffness before the loss", "stiffness", ("direction",), COARSER, shown=False
+        "stiffness before the loss", "stiffness", ("direction",), COARSE_MESHES, shown=False
     )
     measured_sd = Quantity(
         "standard deviation of the measured slope", "stiffness", ("direction",), shown=False
     )
     stroke = Quantity("commanded stroke", "mm", ("increment",), shown=False)
     load = Quantity(
-        "load read", "wrench", ("direction", "repeat", "increment"), COARSER, "all", shown=False
+        "load read",
+        "wrench",
+        ("direction", "repeat", "increment"),
+        COARSE_MESHES,
+        "all",
+        shown=False,
     )
     displacement = Quantity(
         "displacement read",
         "motion",
         ("direction", "repeat", "increment"),
-        COARSER,
+        COARSE_MESHES,
         "all",
         shown=False,
     )
@@ -106,7 +119,12 @@ class Slope(NamedTuple):
     intercept: float
 
 
-def slope_of(command: Array, force: Array, displacement: Array, confidence: float) -> Slope:
+def slope_of(
+    command: Array,
+    force: Array,
+    displacement: Array,
+    confidence: float,
+) -> Slope:
     """Return the slope of force (n,) over displacement (n,), both with errors, at known commands
     (n,), in any units.
 
@@ -243,7 +261,11 @@ class _PushedStage(NamedTuple):
     compliance: Array
 
 
-def _pushed_stage(stage: Stage, mesh: Mesh | None, warnings: list[str]) -> _PushedStage:
+def _pushed_stage(
+    stage: Stage,
+    mesh: Mesh | None,
+    warnings: list[str],
+) -> _PushedStage:
     """Return the stage by finite elements, or by the best analytic model of the same plane."""
     if mesh is not None:
         solution = solved(stage, mesh.resolution)
@@ -269,7 +291,11 @@ class _Readings(NamedTuple):
         return found
 
 
-def _readings(pushes: Pushes, C: Array, fixture: Fixture) -> _Readings:
+def _readings(
+    pushes: Pushes,
+    C: Array,
+    fixture: Fixture,
+) -> _Readings:
     """Simulate the readings on a stage of compliance C (3, 3). Raises ComputationFailed."""
     load, displacement = simulated(pushes, C, fixture)
     lines = [
@@ -347,7 +373,11 @@ def spring_in_series(stage: ArrayLike, apparent: ArrayLike) -> Array:
     return np.where(np.less(apparent, stage), spring, np.nan)
 
 
-def simulated(pushes: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]:
+def simulated(
+    pushes: Pushes,
+    C: Array,
+    fixture: Fixture,
+) -> tuple[Array, Array]:
     """Return simulated readings (3, repeats, n) of load and displacement on a stage of compliance C
     (3, 3).
     """
@@ -372,7 +402,12 @@ def simulated(pushes: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]
     return loads, np.moveaxis(pushes.read(np.moveaxis(displacements, 0, -1)), -1, 0)
 
 
-def _fitted_slope(run: Run, load: Array, displacement: Array, axis: str) -> Slope:
+def _fitted_slope(
+    run: Run,
+    load: Array,
+    displacement: Array,
+    axis: str,
+) -> Slope:
     """Return the slope of the readings (repeats, n) in a direction. Raises ComputationFailed if it
     may be zero.
     """
@@ -394,7 +429,12 @@ def _fitted_slope(run: Run, load: Array, displacement: Array, axis: str) -> Slop
     return found
 
 
-def _warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> list[str]:
+def _warnings(
+    stage: Stage,
+    fixture: Fixture,
+    pushes: Pushes,
+    C: Array,
+) -> list[str]:
     """Warn of sensor steps, of loads beyond the range or strength of the stage, and of slopes that
     are not K_ii.
     """

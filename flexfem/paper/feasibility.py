@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.files.tables import once
-from flexfem.mechanism.content import located
+from flexfem.files.tables import memoized
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.paper.bodies import given_angles
-from flexfem.paper.designs import Designs, lower
+from flexfem.paper.designs import Designs, design_arrays
 from flexfem.paper.stage_file import HINGE_NAMES, StageContent, key_of
 from flexfem.refused import BadInput, printed
 
@@ -131,18 +131,22 @@ def check_closed_form(stage: StageContent) -> None:
         raise BadInput(
             f"{printed(stage)}, expected a flexfem.Stage or Mechanism, as flexfem.load returns it"
         )
-    with located(stage):
+    with naming_place(stage):
         _check_conditions(stage)
 
 
-@once
+@memoized
 def _check_conditions(stage: StageContent) -> None:
-    for check in conditions(lower(stage)):
+    for check in conditions(design_arrays(stage)):
         for place in np.flatnonzero(~(check.room[0] > 0)).tolist():
             raise BadInput(_reason(stage, check, place))
 
 
-def _reason(stage: StageContent, check: Condition, place: int) -> str:
+def _reason(
+    stage: StageContent,
+    check: Condition,
+    place: int,
+) -> str:
     """Return the reason why a stage violates a condition at a place."""
     value = check.value[0, place]
     limit = value + check.room[0, place]

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem.arrays import Array, Index, turned
 from flexfem.fem.elements import Plate, highest_stress, integration, nodal_stress, von_mises
-from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.mesh import PlaneMesh, nodes_on
 from flexfem.fem.response import Response, clamped_nodes, factorised_whole, resultants_of
 from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.fem.symmetry import sector_values
@@ -28,12 +28,20 @@ CORNER = 0.2  # share of a clamped edge excluded at both ends: stress at its cor
 FORCE_QUADRATURE = 8  # degree for stack forces, whose density is not polynomial in a triangle
 
 
-def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
+def plane_stress(
+    stage: Stage,
+    mesh: PlaneMesh,
+    field: Array,
+) -> Array:
     """Von Mises stress (n,), MPa, at all nodes for a plane displacement field (n, 2), mm."""
     return von_mises(nodal_stress(mesh, plate_of(stage), field), stage.layout.out_of_plane)
 
 
-def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
+def neck_maxima(
+    stage: Stage,
+    mesh: PlaneMesh,
+    values: Array,
+) -> Array:
     """Largest nodal value (3 chains, 3 hinges) within a notch radius of each neck's centre."""
     maxima = list[list[float]]()
     for chain in range(3):
@@ -41,7 +49,11 @@ def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
     return np.array(maxima)
 
 
-def _near_necks(stage: Stage, mesh: StageMesh, chain: int) -> list[Index]:
+def _near_necks(
+    stage: Stage,
+    mesh: PlaneMesh,
+    chain: int,
+) -> list[Index]:
     """Nodes within a notch radius of the centre of each neck of a chain; chains from 0."""
     centres = stage_frames(stage).centres[chain]
     found = list[Index]()
@@ -57,7 +69,11 @@ class NeckStress(NamedTuple):
     height: Array
 
 
-def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
+def neck_stresses(
+    stage: Stage,
+    response: Response,
+    loads: Array,
+) -> NeckStress:
     """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm.
 
     Stress is averaged at the nodes, and the largest within a notch radius of the neck, at any
@@ -86,7 +102,11 @@ def notch_fields(
         yield divmod(number, 3), np.tensordot(rotation, stress, axes=1)
 
 
-def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[Array, Array]]:
+def _notches(
+    stage: Stage,
+    response: Response,
+    loads: Array,
+) -> Iterator[tuple[Array, Array]]:
     """Yield loads (k, 3) and the stresses of the cases at the nodes of each notch.
 
     The loads are turned to the chain that represents the notch.
@@ -137,7 +157,7 @@ def envelope(response: Response) -> float:
     return 2 * float(np.max(np.hypot(*response.structure.mesh.nodes.T)))
 
 
-def edge_maxima(mesh: StageMesh, values: Array) -> Array:
+def edge_maxima(mesh: PlaneMesh, values: Array) -> Array:
     """Largest of nodal values (n, ...) on each clamped edge (3 chains, ...), less `CORNER`."""
     maxima = []
     for nodes in clamped_nodes(mesh):
@@ -148,7 +168,12 @@ def edge_maxima(mesh: StageMesh, values: Array) -> Array:
     return np.array(maxima)
 
 
-def largest_within(places: Array, values: Array, low: float, high: float) -> Array:
+def largest_within(
+    places: Array,
+    values: Array,
+    low: float,
+    high: float,
+) -> Array:
     """Largest value from `low` to `high` of values (n, ...) at places (n,), linear in between."""
     from scipy.interpolate import make_interp_spline
 
@@ -160,7 +185,11 @@ def largest_within(places: Array, values: Array, low: float, high: float) -> Arr
     return np.asarray(np.max(np.concatenate([values[inside], ends]), axis=0))
 
 
-def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> Response:
+def driven_response(
+    mesh: PlaneMesh,
+    plate: Plate,
+    stacks: Sequence[Stack],
+) -> Response:
     """Solve for unit loads on the hub and for one newton of each of n stacks; ground is clamped.
 
     The compliance (3 + n, 3 + n) is that of the pose and of the openings of the stacks.
@@ -184,7 +213,11 @@ def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
     return loads
 
 
-def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
+def push_forces(
+    mesh: PlaneMesh,
+    chain: int,
+    push: Push,
+) -> Array:
     """Return nodal forces (n, 2), N, of one newton of a stack on a link of a chain (from 0).
 
     They have its exact wrench.
@@ -205,7 +238,11 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
     return turned(np.tensordot(shares, forces, axes=1), angle)
 
 
-def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
+def neck_wrenches(
+    mesh: PlaneMesh,
+    plate: Plate,
+    fields: Array,
+) -> Array:
     """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck.
 
     They are in N and N mm about the platform centre, for fields (k, n, 2), mm: sums of the nodal
@@ -220,7 +257,7 @@ def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
     return wrenches
 
 
-def _body_mesh(mesh: StageMesh, body: int) -> StageMesh:
+def _body_mesh(mesh: PlaneMesh, body: int) -> PlaneMesh:
     """Return the triangles of a body, 4 * chain + body, with all nodes of the mesh."""
     in_body = mesh.bodies == body
     return mesh._replace(triangles=mesh.triangles[in_body], bodies=mesh.bodies[in_body])

@@ -51,8 +51,17 @@ MEASURED = (
 )
 
 
-def _slope(key: str, description: str, example: float) -> Any:
-    return Field(default=None, alias=key, description=description, examples=[example])
+def _slope(
+    key: str,
+    description: str,
+    example: float,
+) -> Any:
+    return Field(
+        default=None,
+        alias=key,
+        description=description,
+        examples=[example],
+    )
 
 
 class MeasuredSlopes(Table):
@@ -120,7 +129,11 @@ class Pole(Table):
     )
     height: Length = Field(alias="height_mm", examples=[40.0])
     """Height of the end of the pole, which carries the bar and is the target of the LVDTs"""
-    push_height: Length | None = Field(default=None, alias="push_height_mm", examples=[30.0])
+    push_height: Length | None = Field(
+        default=None,
+        alias="push_height_mm",
+        examples=[30.0],
+    )
     """Height of the actuator force in X and Y; by default the end of the pole"""
     youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[206.0])
     """Young's modulus of the pole"""
@@ -167,7 +180,11 @@ class Bar(Table):
 
     arm: Length = Field(alias="arm_mm", examples=[50.0])
     """Distance from the pole to the force, which acts at right angles to the bar"""
-    angle: Angle = Field(default=0.0, alias="angle_deg", examples=[30.0])
+    angle: Angle = Field(
+        default=0.0,
+        alias="angle_deg",
+        examples=[30.0],
+    )
     """Angle of the bar from the x axis"""
     width: Length = Field(alias="width_mm", examples=[12.0])
     """Side of the section in the plane of bending"""
@@ -187,7 +204,11 @@ class Pusher(Table):
     """The actuator: stroke, mm, and stiffness, N/mm."""
 
     name: Label = Field(description="Name of the actuator", examples=["P-841.30"])
-    stroke: Stroke = Field(alias="stroke_um", description="Largest stroke", examples=[45.0])
+    stroke: Stroke = Field(
+        alias="stroke_um",
+        description="Largest stroke",
+        examples=[45.0],
+    )
     stiffness: Rate = Field(alias="stiffness_n_per_um", examples=[19.0])
     """Stiffness; like that of the sensor it affects the force per stroke but no slope"""
 
@@ -201,7 +222,11 @@ class Lvdt(Table):
     noise: Reading = Field(
         alias="noise_um", description="Standard deviation of a reading", examples=[0.05]
     )
-    resolution: Reading = Field(default=0.0, alias="resolution_um", examples=[0.01])
+    resolution: Reading = Field(
+        default=0.0,
+        alias="resolution_um",
+        examples=[0.01],
+    )
     """Step of a reading, 0 for none"""
 
 
@@ -210,12 +235,20 @@ class ForceSensor(Table):
     for rigid.
     """
 
-    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[10.0])
+    stiffness: Rate | None = Field(
+        default=None,
+        alias="stiffness_n_per_um",
+        examples=[10.0],
+    )
     """Stiffness of the sensor and its support; by default rigid"""
     noise: ForceReading = Field(
         alias="noise_n", description="Standard deviation of a reading", examples=[0.02]
     )
-    resolution: ForceReading = Field(default=0.0, alias="resolution_n", examples=[0.005])
+    resolution: ForceReading = Field(
+        default=0.0,
+        alias="resolution_n",
+        examples=[0.005],
+    )
     """Step of a reading, 0 for none"""
 
 
@@ -232,7 +265,12 @@ class Run(Table):
     repeats: int = Field(
         default=1, ge=1, le=1000, description="Number of times that all strokes are commanded"
     )
-    seed: int = Field(default=0, ge=0, le=2**63 - 1, description="Seed of the noise")
+    seed: int = Field(
+        default=0,
+        ge=0,
+        le=2**63 - 1,
+        description="Seed of the noise",
+    )
     confidence_percent: float = Field(
         default=95.0, ge=50, le=99.9, description="Confidence level of the slopes"
     )
@@ -354,7 +392,11 @@ class Pushes(NamedTuple):
             self.read(self.bar) / self.arm,
         )
 
-    def force(self, C: Array, stroke: Array) -> Array:
+    def force(
+        self,
+        C: Array,
+        stroke: Array,
+    ) -> Array:
         """Actuator force (3, n) of each push, N, at strokes (n,), mm, on a stage of compliance C
         (3, 3).
         """

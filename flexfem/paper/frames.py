@@ -27,7 +27,11 @@ class Frames(NamedTuple):
     axes: Array
 
 
-def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) -> Frames:
+def frames(
+    link_lengths: Array,
+    joint_angles: Array,
+    axes: Array | None = None,
+) -> Frames:
     """Place the hinges of three chains, 120 degrees apart, around a platform centred at the origin.
 
     link_lengths : (..., 3), mm: base to elbow, elbow to platform hinge, platform hinge to platform

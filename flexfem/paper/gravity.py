@@ -33,7 +33,7 @@ from flexfem.questions.gravity import GRAVITY, UNDER_WEIGHT, MechanismGravity, a
 from flexfem.questions.plates import Values
 from flexfem.questions.setup import DEFAULT, Analytic, Models
 from flexfem.questions.warnings import of_payload
-from flexfem.results import FRESH, STRESS, Progress, Quantity
+from flexfem.results import NEW_MESH, STRESS, Progress, Quantity
 from flexfem.units import DENSITY, UNITS
 
 HEAVIEST = 1e4  # kg
@@ -45,12 +45,12 @@ class Gravity(MechanismGravity):
     figure = ""
     has_mesh_fields = False
     drawn_from_fields = False
-    pose = Quantity("displacement", "motion", ("model", "direction"), FRESH, "pose")
+    pose = Quantity("displacement", "motion", ("model", "direction"), NEW_MESH, "pose")
     sag = Quantity(
         "displacement out of the plane of a horizontal plate",
         ("mm", "rad", "rad"),
         ("model", "out of plane"),
-        FRESH,
+        NEW_MESH,
         "all",
     )
     stress = Quantity("highest hinge stress", "mpa", ("model", "chain", "hinge"), STRESS, "all")
@@ -126,25 +126,36 @@ def _bands_horizontal(
     return {"sag": pose_bands(sizes, sags, levers, few_and_many)[:, 0]}
 
 
-def _upright(stage: Stage, load: Payload, weight: Array, resolution: int, _: int) -> Values:
+def _upright(
+    stage: Stage,
+    load: Payload,
+    weight: Array,
+    resolution: int,
+    _: int,
+) -> Values:
     """Return displacement and neck stress of an upright stage in an acceleration (2,), mm/s^2."""
     mesh = meshed(stage, resolution)
     plate = plate_of(stage)
     whole = structure(mesh, plate)
     mass = mass_of(whole, stage.material.density * DENSITY, carried(stage, load))
-    response = factorised_whole(whole).weighed(mass, weight[None])
+    response = factorised_whole(whole).weight_response(mass, weight[None])
     stress = von_mises(nodal_stress(mesh, plate, response.nodal[0]), stage.layout.out_of_plane)
     return {"pose": response.motions[:, 0], "stress": neck_maxima(stage, mesh, stress)}
 
 
-def _horizontal(stage: Stage, load: Payload, resolution: int, layers: int) -> Values:
+def _horizontal(
+    stage: Stage,
+    load: Payload,
+    resolution: int,
+    layers: int,
+) -> Values:
     """Return displacement out of the plane and neck stress of a horizontal stage."""
     mesh = meshed(stage, resolution)
     plate = sheet_of(stage)
     in_depth = layers_of(stage, layers, antisymmetric=True)
     whole = structure(mesh, plate, in_depth)
     mass = mass_of(whole, stage.material.density * DENSITY, carried_out_of_plane(stage, load))
-    response = factorised_whole(whole).weighed(mass, np.array([[-GRAVITY]]))
+    response = factorised_whole(whole).weight_response(mass, np.array([[-GRAVITY]]))
     stress = von_mises(
         nodal_stress(mesh, plate, response.nodal[0], layers=in_depth), stage.layout.out_of_plane
     )

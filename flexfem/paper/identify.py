@@ -54,7 +54,7 @@ class Identification(Result):
     description; or `translation` and `rotation`: series compliances, mm/N and rad/(N mm)."""
 
     title = "neck offset and fixture from measured slopes"
-    main = ("offset", {})
+    main_result = ("offset", {})
     columns = ("slope",)
     labels: ClassVar = {"slope": ("measured", "as drawn", "fitted"), "cause": CAUSES}
     figure = "paper.figures.identification.identification_figure"
@@ -126,7 +126,11 @@ class SlopeProblem(NamedTuple):
             -(self.slopes(x) ** 2 / self.sd)[:, None] * np.column_stack([offset, self.added])
         )
 
-    def fit(self, fixed: Mapping[int, float], near: Array | None = None) -> Array:
+    def fit(
+        self,
+        fixed: Mapping[int, float],
+        near: Array | None = None,
+    ) -> Array:
         """Return the x of least chi square with some unknowns fixed, starting from `near` (1 + p,)
         if that is given.
         """
@@ -160,7 +164,12 @@ class SlopeProblem(NamedTuple):
         ]
         return whole(min(fits, key=lambda result: float(result.cost)).x)
 
-    def interval(self, best: Array, k: int, level: float) -> list[float]:
+    def interval(
+        self,
+        best: Array,
+        k: int,
+        level: float,
+    ) -> list[float]:
         """Return the profile-likelihood interval of unknown k; infinite where it or the offset
         reaches its bounds.
         """
@@ -365,7 +374,11 @@ def _slopes_at(problem: SlopeProblem, best: Array) -> dict[str, Any]:
     return {"slope": by_direction[:3].T, "sd": by_direction[3], "stiffness": by_direction[4]}
 
 
-def _region(problem: SlopeProblem, fit: _Fit, level: float) -> dict[str, Any]:
+def _region(
+    problem: SlopeProblem,
+    fit: _Fit,
+    level: float,
+) -> dict[str, Any]:
     """Return the map of chi square about the fits, and its joint limit at a level of confidence."""
     marks = np.array([fit.best, *fit.alone, fit.low, fit.high])[:, :2]
     finite = np.where(np.isinf(marks), np.nan, marks)
@@ -465,7 +478,13 @@ def unexplained(chi_square: float, dof: int) -> bool:
     return bool(chi2.sf(chi_square, max(dof, 1)) < POOR)
 
 
-def conclusion(least: float, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
+def conclusion(
+    least: float,
+    dof: int,
+    offset: float,
+    allowed: list[bool],
+    distinct: bool,
+) -> str:
     """State the conclusion; least : chi square of the best fit.   offset : of necks alone.
     allowed : of `CAUSES`.
     """

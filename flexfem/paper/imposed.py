@@ -14,7 +14,7 @@ import numpy as np
 
 from flexfem.arrays import Array, inverse
 from flexfem.fem.response import Response
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.paper.case import Case, Drive
 from flexfem.paper.contacts import hinge_couples
 from flexfem.paper.drives import ActuatorSet, drive_of
@@ -24,7 +24,7 @@ from flexfem.paper.responses import driven_model
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels
-from flexfem.questions.driven import Driven
+from flexfem.questions.driven import DriveSystem
 from flexfem.units import DIRECTIONS
 
 # of the largest rotational compliance: below it a model of fewer freedoms excludes the rotation
@@ -41,11 +41,11 @@ class Imposed(NamedTuple):
 
     drive: ActuatorSet
     per_command: Array
-    model: Driven | None
+    model: DriveSystem | None
 
-    def on(self, compliance: Array) -> Driven:
+    def on(self, compliance: Array) -> DriveSystem:
         """The same drive with another compliance (3 + n, 3 + n), as of finite elements."""
-        return Driven.of(compliance, self.drive)
+        return DriveSystem.of(compliance, self.drive)
 
     def poses(self, compliance: Array) -> Array:
         """Pose (3, 3) with another compliance, column j for a unit command in direction j."""
@@ -59,7 +59,11 @@ def commanded_hinges(mobility: int) -> tuple[int, ...]:
     return (0,) if mobility == 3 else (0, 1)
 
 
-def imposed(stage: Stage, model: AnalyticResult, inputs: Drive) -> Imposed:
+def imposed(
+    stage: Stage,
+    model: AnalyticResult,
+    inputs: Drive,
+) -> Imposed:
     """Return the joint motions of an analytic model per command. Raises BadInput for strokes
     without actuators.
 
@@ -88,12 +92,16 @@ def imposed(stage: Stage, model: AnalyticResult, inputs: Drive) -> Imposed:
         return Imposed(drive, per_command, None)
     stacks = drive_of(stage)
     lever = stage.chain.link_lengths[2]
-    driven = Driven.of(driven_model(stage, model).compliance, stacks)
+    driven = DriveSystem.of(driven_model(stage, model).compliance, stacks)
     return Imposed(stacks, driven.unit_commands(lever), driven)
 
 
-@once
-def elements(stage: Stage, resolution: int, hinges: tuple[int, ...]) -> Response:
+@memoized
+def elements(
+    stage: Stage,
+    resolution: int,
+    hinges: tuple[int, ...],
+) -> Response:
     """Return finite elements loaded at the platform and at the hinges of given positions, or at the
     stacks if none.
 

@@ -58,7 +58,7 @@ class StageLarge(Result):
 
     kind_name = "large"
     title = "large displacements"
-    main = ("position", {})
+    main_result = ("position", {})
     labels: ClassVar = {
         "theory": THEORIES,
         "at": tuple(f"{5 * k:+d} %" for k in STATED),
@@ -67,7 +67,7 @@ class StageLarge(Result):
     }
     columns = ("theory",)
     figure = "paper.figures.large.large_figure"
-    reading = (
+    footnotes = (
         "each theory is compared with its own linear solution; position error: linear position "
         "under the load that holds the stage at the command, minus the command, in % of the "
         "command; across: the larger error of the other two directions, rotations multiplied by "
@@ -156,7 +156,11 @@ def large(
     return StageLarge(answers.about(stage), values, None, None, settings, warnings)
 
 
-def _over_yield(stage: Stage, elements: Response, largest: Array) -> list[str]:
+def _over_yield(
+    stage: Stage,
+    elements: Response,
+    largest: Array,
+) -> list[str]:
     """Warn of commands (3,) at which linear finite elements are beyond the yield strength."""
     found = list[str]()
     loads = np.linalg.solve(elements.compliance, np.diag(largest)).T
@@ -222,7 +226,11 @@ def _of_boxes(about: _Compared, largest: Array) -> dict[str, Any]:
     }
 
 
-def _path(about: _Compared, axis: int, end: float) -> _Path:
+def _path(
+    about: _Compared,
+    axis: int,
+    end: float,
+) -> _Path:
     """Return the values along an axis up to an amplitude, other directions held at zero."""
     commanded = end * np.arange(-STEPS, STEPS + 1) / STEPS
     shape = (len(commanded), len(THEORIES))
@@ -239,7 +247,12 @@ def _path(about: _Compared, axis: int, end: float) -> _Path:
     return path
 
 
-def _relative_errors(pose: Array, displacements: Array, axis: int, lever: float) -> Array:
+def _relative_errors(
+    pose: Array,
+    displacements: Array,
+    axis: int,
+    lever: float,
+) -> Array:
     """Return errors (n, 3) in per cent of displacements (n,) along an axis.
 
     They are zero at rest, since errors are of second order.
@@ -250,7 +263,12 @@ def _relative_errors(pose: Array, displacements: Array, axis: int, lever: float)
     return percent
 
 
-def _add_models(path: _Path, about: _Compared, axis: int, commanded: Array) -> Array:
+def _add_models(
+    path: _Path,
+    about: _Compared,
+    axis: int,
+    commanded: Array,
+) -> Array:
     """Add the pseudo-rigid stage by three theories; return the exact load (n, 3)."""
     paper = about.paper
     rest = stiffness(paper)
@@ -274,7 +292,12 @@ def _add_models(path: _Path, about: _Compared, axis: int, commanded: Array) -> A
     return exact.load
 
 
-def _add_held(path: _Path, about: _Compared, axis: int, commanded: Array) -> None:
+def _add_held(
+    path: _Path,
+    about: _Compared,
+    axis: int,
+    commanded: Array,
+) -> None:
     """Add finite elements that are held at the commands."""
     elements = about.elements
     assert elements is not None
@@ -297,7 +320,12 @@ def _add_held(path: _Path, about: _Compared, axis: int, commanded: Array) -> Non
     path.errors[places, HELD] = _relative_errors(error, at, axis, about.stage.lever)
 
 
-def _add_loaded(path: _Path, about: _Compared, axis: int, exact_load: Array) -> None:
+def _add_loaded(
+    path: _Path,
+    about: _Compared,
+    axis: int,
+    exact_load: Array,
+) -> None:
     """Add finite elements under the load of exact equilibrium (4, 3) at the stated commands."""
     elements = about.elements
     assert elements is not None

@@ -16,7 +16,7 @@ from flexfem.hinges import strength
 from flexfem.hinges.strength import Basquin, BasquinFit, Wrench
 from flexfem.paper import answers
 from flexfem.paper import warnings as warning
-from flexfem.paper.designs import Designs, lower
+from flexfem.paper.designs import Designs, design_arrays
 from flexfem.paper.fields import notch_fields
 from flexfem.paper.model import (
     CALIBRATED,
@@ -49,7 +49,7 @@ class StageLife(WithLaw, Result):
 
     kind_name = "life"
     title = "fatigue life"
-    main = ("life", {})
+    main_result = ("life", {})
     figure = "life.life_figure"
     life = Quantity("cycles until the first neck fails", "", ("model",), Gate(0.05))
     fewest = Quantity("fewest cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))
@@ -65,7 +65,11 @@ class StageLife(WithLaw, Result):
     largest = Quantity("amplitude for the wanted life", "motion", ("model", "direction"), STRESS)
 
 
-def by_wrenches(designs: Designs, wrench: Wrench, motion: CyclicMotion) -> StressCycles:
+def by_wrenches(
+    designs: Designs,
+    wrench: Wrench,
+    motion: CyclicMotion,
+) -> StressCycles:
     """Return the stress at both sides of every neck of n designs.
 
     wrench : (n, 3, 3, 3), of the necks.
@@ -80,17 +84,27 @@ def by_wrenches(designs: Designs, wrench: Wrench, motion: CyclicMotion) -> Stres
     return StressCycles(necks, np.abs(sides @ motion.amplitude), sides @ motion.mean, counted)
 
 
-def by_model(stage: Stage, result: AnalyticResult, motion: CyclicMotion) -> StressCycles:
+def by_model(
+    stage: Stage,
+    result: AnalyticResult,
+    motion: CyclicMotion,
+) -> StressCycles:
     """Return the stress at both sides of every neck by the analytic model."""
-    cycles = by_wrenches(lower(stage), Wrench(*(part[None] for part in result.wrench)), motion)
+    cycles = by_wrenches(
+        design_arrays(stage), Wrench(*(part[None] for part in result.wrench)), motion
+    )
     return StressCycles(cycles.hinge, *(part[0] for part in cycles[1:]))
 
 
-def by_elements(stage: Stage, response: Response, motion: CyclicMotion) -> StressCycles:
+def element_values(
+    stage: Stage,
+    response: Response,
+    motion: CyclicMotion,
+) -> StressCycles:
     """Return the stress at the nodes of every notch by plane finite elements."""
     out_of_plane = stage.layout.out_of_plane
     stiffness = np.linalg.inv(response.compliance)
-    design = lower(stage)
+    design = design_arrays(stage)
     shares = strength.fatigue_fraction(design.neck[0] / design.radius[0], motion.sensitivity)
     loads = np.array([motion.amplitude, motion.mean]) @ stiffness.T
     notches = list[StressCycles]()
@@ -205,15 +219,20 @@ def _by_elements(
 ) -> ModelAnswer:
     """Return the values of plane finite elements, with the cycles by the bands of their stress."""
 
-    def of_size(resolution: int, _: int) -> plates.Values:
-        return asked.values(by_elements(stage, solved(stage, resolution), asked.motion), 3, 3)
+    def on_mesh(resolution: int, _: int) -> plates.Values:
+        return asked.values(element_values(stage, solved(stage, resolution), asked.motion), 3, 3)
 
-    values, bands = answers.by_elements(mesh, of_size, progress, _bands)[ELEMENTS]
+    values, bands = answers.element_values(mesh, on_mesh, progress, _bands)[ELEMENTS]
     share = np.nanmax(bands["equivalent"]) / np.max(values["equivalent"])
     return ModelAnswer(values | _within(asked.law, values, -share, share), bands)
 
 
-def _within(law: Basquin, values: Mapping[str, Any], low: float, high: float) -> dict[str, Array]:
+def _within(
+    law: Basquin,
+    values: Mapping[str, Any],
+    low: float,
+    high: float,
+) -> dict[str, Array]:
     """Return the fewest and most cycles for relative errors of the stress from `low` to `high`."""
     ends = np.maximum(1 + np.array([high, low]), 0.0) * np.max(values["equivalent"])
     fewest, most = law.cycles(ends)

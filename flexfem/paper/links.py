@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.hinges.chart import SHEAR_CORRECTION
 from flexfem.mechanism.outlines import Pose, Segment, polyline, reverse
 from flexfem.paper.bodies import body_sides, centrelines, cut_angle, necks, notch_side
@@ -65,7 +65,11 @@ def divided(
     return Boundary(starts, np.array([piece.end for piece in pieces]))
 
 
-def _halved(segment: Segment, size: Callable[[complex], float], angle: float) -> list[Segment]:
+def _halved(
+    segment: Segment,
+    size: Callable[[complex], float],
+    angle: float,
+) -> list[Segment]:
     middle = complex(segment.at(0.5))
     if segment.length <= size(middle) and abs(segment.turn) <= angle:
         return [segment]
@@ -124,7 +128,11 @@ class _Equations(NamedTuple):
     of_displacements: Array
 
 
-def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> _Equations:
+def _system(
+    boundary: Boundary,
+    poissons_ratio: float,
+    copies: int,
+) -> _Equations:
     """Return the boundary integral equations at the nodes.
 
     Notes
@@ -150,7 +158,11 @@ def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> _Equation
     return _Equations(of_tractions, of_displacements)
 
 
-def _of_copy(boundary: Boundary, kappa: float, rotation: complex) -> _Equations:
+def _of_copy(
+    boundary: Boundary,
+    kappa: float,
+    rotation: complex,
+) -> _Equations:
     """Return the matrices (2n, 2n) of one copy, turned by a complex number of unit size."""
     seen = _seen_from_elements(boundary, rotation)
     unit = LOG_UNIT * float(np.max(np.abs(boundary.nodes)))
@@ -207,7 +219,12 @@ class _Moments(NamedTuple):
     powers: Array
 
 
-def _moments(w: AnyArray, a: Array, on_element: NDArray[np.bool_], unit: float) -> _Moments:
+def _moments(
+    w: AnyArray,
+    a: Array,
+    on_element: NDArray[np.bool_],
+    unit: float,
+) -> _Moments:
     """Return the integrals over elements of half lengths a (m,) at points w (n, m)."""
     c = [np.log((w - a) / (w + a))]
     c[0][on_element] = c[0][on_element].real + 1j * np.pi  # limit from the body, on the left
@@ -295,7 +312,11 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
     return np.asarray(np.einsum("ipa,ijab,jqb->ipjq", J, coupled, J).reshape(9, 9))
 
 
-def _uniform_lugs(stage: Stage, chain: int, nu: float) -> Array:
+def _uniform_lugs(
+    stage: Stage,
+    chain: int,
+    nu: float,
+) -> Array:
     """Return the compliance of `_lug_compliance` of three lugs like that of a chain."""
     left = tuple(body_sides(stage, chain, 1)[3])
     right = tuple(body_sides(stage, chain, -1)[3])
@@ -333,7 +354,11 @@ def _lug_compliance(
     return compliance
 
 
-def _half_hinge(hinge: Hinge, width: float, nu: float) -> Array:
+def _half_hinge(
+    hinge: Hinge,
+    width: float,
+    nu: float,
+) -> Array:
     """Compliance (3, 3) of half a hinge about its neck, for unit Young's modulus and thickness.
 
     It is that of the half on a straight block, less the block as a beam.
@@ -350,7 +375,12 @@ def _half_hinge(hinge: Hinge, width: float, nu: float) -> Array:
     return np.asarray(block - _beam_compliance(start, end, width, nu))
 
 
-def _block_with_notch(hinge: Hinge, neck: Pose, width: float, end: float) -> list[Boundary]:
+def _block_with_notch(
+    hinge: Hinge,
+    neck: Pose,
+    width: float,
+    end: float,
+) -> list[Boundary]:
     """Return the section in the neck, the right side, the end and the left side of a block."""
     left = notch_side(neck, hinge, width, 1)[1]
     right = notch_side(neck, hinge, width, -1)[1]
@@ -366,7 +396,12 @@ def _block_with_notch(hinge: Hinge, neck: Pose, width: float, end: float) -> lis
     return [divided(path, size, ARC_ANGLE) for path in paths]
 
 
-def _beam_compliance(start: float, end: float, width: float, nu: float) -> Array:
+def _beam_compliance(
+    start: float,
+    end: float,
+    width: float,
+    nu: float,
+) -> Array:
     """Compliance (3, 3) of a beam from `start` to `end` by moment, axial and transverse force at 0.
 
     It is that for unit Young's modulus and thickness.
@@ -380,7 +415,11 @@ def _beam_compliance(start: float, end: float, width: float, nu: float) -> Array
     return beam
 
 
-def element_size(width: float, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
+def element_size(
+    width: float,
+    pose: Pose,
+    hinge: Hinge,
+) -> Callable[[complex], float]:
     """Return the largest element size, mm, as a function of a point of a body with a neck."""
 
     def size(point: complex) -> float:
@@ -396,7 +435,12 @@ def joined(parts: list[Boundary]) -> tuple[Boundary, AnyArray]:
     return whole, np.repeat(np.arange(len(parts)), [len(part.nodes) for part in parts])
 
 
-def beam_stress(pose: Pose, height: float, nodes: AnyArray, on_section: AnyArray) -> AnyArray:
+def beam_stress(
+    pose: Pose,
+    height: float,
+    nodes: AnyArray,
+    on_section: AnyArray,
+) -> AnyArray:
     """Return tractions (n, 3) on a section by unit moment, axial and transverse force.
 
     They are linear, constant and parabolic.
@@ -426,7 +470,7 @@ POINTS = 12  # Gauss points along each line or arc, for quadratic and trigonomet
 RADII = 32  # Gauss points across a curved bar, in the logarithm of the radius
 
 
-@once
+@memoized
 def body_compliance(stage: Stage) -> Array:
     """Return the compliance (9, 9) that pads, links and platform add to x, y, theta of the chains.
 
@@ -475,7 +519,11 @@ def _straight(stage: Stage, material: Elastic) -> Array:
     return np.asarray(np.diag([12 / width**2, 1.0, shear]) / (E * stage.thickness * width))
 
 
-def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
+def _curved(
+    stage: Stage,
+    material: Elastic,
+    radius: float,
+) -> Array:
     """Compliance per length (3, 3) of a curved bar to loads at its centre of curvature.
 
     The loads are moment, axial force and shear.
@@ -512,7 +560,7 @@ def _radii(a: float, b: float) -> tuple[Array, Array]:
 CORNER = 1 / 100
 
 
-@once
+@memoized
 def edge_motions(stage: Stage, neck_factor: float = 1.0) -> Array:
     """Return motions (3 chains, 3, 3 cases) of the platform by strain and bow of clamped edges.
 
@@ -543,7 +591,11 @@ def edge_motions(stage: Stage, neck_factor: float = 1.0) -> Array:
 
 
 @lru_cache(CACHE_SIZE)
-def _pad_motion(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
+def _pad_motion(
+    hinge: Hinge,
+    width: float,
+    poissons_ratio: float,
+) -> Array:
     """Motion (3, 3) of the neck of a clamped pad at the middle of the edge.
 
     Rows are axial, transverse and rotation. The edge, eta to the left from its middle, has three
@@ -561,7 +613,12 @@ def _pad_motion(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
     return np.stack([axial, transverse + middle.real * rotation, rotation])
 
 
-def _pad(hinge: Hinge, neck: Pose, width: float, middle: complex) -> list[Boundary]:
+def _pad(
+    hinge: Hinge,
+    neck: Pose,
+    width: float,
+    middle: complex,
+) -> list[Boundary]:
     """Return the clamped edge, right side, section in the neck and left side of a pad."""
     edge = Segment(middle + 0.5j * width, middle - 0.5j * width)
     left_wall = notch_side(neck, hinge, width, 1)[0]
@@ -579,7 +636,11 @@ def _pad(hinge: Hinge, neck: Pose, width: float, middle: complex) -> list[Bounda
     return [divided(path, graded_size, ARC_ANGLE) for path in paths]
 
 
-def _edge_fields(z: AnyArray, normal: AnyArray, poissons_ratio: float) -> tuple[AnyArray, AnyArray]:
+def _edge_fields(
+    z: AnyArray,
+    normal: AnyArray,
+    poissons_ratio: float,
+) -> tuple[AnyArray, AnyArray]:
     """Displacements in equilibrium (n, 3) with three displacements of the edge, and tractions.
 
     They are those for unit shear modulus. Their stresses along the edge are E; -E xi; E eta with a

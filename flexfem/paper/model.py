@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from flexfem.analytic import network
 from flexfem.analytic.network import GROUND, Network
-from flexfem.arrays import Array, brief, inverse
-from flexfem.files.tables import once
+from flexfem.arrays import Array, inverse, short_repr
+from flexfem.files.tables import memoized
 from flexfem.hinges import chart, formulas
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.choice import CALIBRATED as CALIBRATED
 from flexfem.hinges.choice import DEFAULT_FORMULA as DEFAULT_FORMULA
 from flexfem.hinges.strength import Wrench, neck_stress, raised_in_depth, raised_in_plane
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.stress_concentration import Concentration
-from flexfem.paper.designs import Designs, lower, stage_frames
+from flexfem.paper.designs import Designs, design_arrays, stage_frames
 from flexfem.paper.equations import (
     KINDS,
     Freedoms,
@@ -67,7 +67,7 @@ class PlatformAtRest(NamedTuple):
     base_rotation: Array
 
 
-@brief
+@short_repr
 class AnalyticResult(NamedTuple):
     """The analytic model of one stage at rest.
 
@@ -94,9 +94,13 @@ class AnalyticResult(NamedTuple):
         """Formula, freedoms and plane model as text."""
         return _model_name(self.formula, self.links, self.mobility, self.plane)
 
-    def neck_stress(self, stage: Stage, poses: Array) -> Array:
+    def neck_stress(
+        self,
+        stage: Stage,
+        poses: Array,
+    ) -> Array:
         """Return the largest von Mises stress (..., 3 chains, 3 hinges), MPa, at poses (..., 3)."""
-        design = lower(stage)
+        design = design_arrays(stage)
         parts = [np.einsum("cnd,...d->...cn", part, poses) for part in self.wrench]
         wrench = Wrench(*(part[..., None] for part in parts))
         raised = Concentration(*(part[0] for part in stress_raised(design)))
@@ -134,7 +138,11 @@ def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
     )
 
 
-def _is_valid(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
+def _is_valid(
+    designs: Designs,
+    formula: str,
+    hinges: Compliance,
+) -> dict[str, NDArray[np.bool_]]:
     """Return whether the formula and the thickness chart cover each hinge (n, 3, 3), by reason."""
     valid = dict[str, NDArray[np.bool_]]()
     if formulas.formula(formula).charted:
@@ -148,7 +156,11 @@ def _is_valid(designs: Designs, formula: str, hinges: Compliance) -> dict[str, N
     return valid
 
 
-def invalid_hinges(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
+def invalid_hinges(
+    designs: Designs,
+    formula: str,
+    hinges: Compliance,
+) -> list[Broken]:
     """Return the designs with hinges that formula or chart does not cover, by hinge and reason."""
     found = list[Broken]()
     for reason, valid in _is_valid(designs, formula, hinges).items():
@@ -224,7 +236,7 @@ def stiffness_with_necks(
     stage: Stage, necks: Array, formula: str, freedoms: Freedoms, bodies: Array | None = None
 ) -> Array:
     """Return the stiffness (n, 3, 3) of a stage with other necks (n, 3, 3), mm; nan off a chart."""
-    designs = lower(stage).repeated(len(necks))
+    designs = design_arrays(stage).repeated(len(necks))
     designs.neck[:] = necks
     with np.errstate(all="ignore"):
         return at_rest(designs, hinge_compliances(designs, formula), freedoms, bodies).stiffness
@@ -249,7 +261,7 @@ def analyse(
     ComputationFailed
         The stage is at a singular configuration.
     """
-    design = lower(stage)
+    design = design_arrays(stage)
     hinges = hinge_compliance(stage, formula)
     freedoms = freedoms_of(21 if links else mobility, design.prismatic)
     bodies = body_compliance(stage)[None] if links else None
@@ -298,7 +310,7 @@ def choose(
         return best_model(stage, warnings)
     name = DEFAULT_FORMULA if formula is None else formula
     formulas.formula(name)
-    freedoms_of(21 if links else mobility, lower(stage).prismatic)
+    freedoms_of(21 if links else mobility, design_arrays(stage).prismatic)
     return ModelChoice(stage, mobility, name, links)
 
 
@@ -323,7 +335,7 @@ def best_model(stage: Stage, warnings: list[str]) -> ModelChoice:
     return ModelChoice(stage, None, formula, True)
 
 
-@once
+@memoized
 def corrected(stage: Stage) -> Stage:
     """Return the same stage with its hinges corrected for their thickness."""
     copy = stage.model_copy(update={"model": "corrected"})
@@ -331,9 +343,14 @@ def corrected(stage: Stage) -> Stage:
     return copy
 
 
-def _refuse_thin_neck(stage: Stage, formula: str, freedoms: Freedoms, bodies: Array | None) -> None:
+def _refuse_thin_neck(
+    stage: Stage,
+    formula: str,
+    freedoms: Freedoms,
+    bodies: Array | None,
+) -> None:
     """Refuse the thinnest neck of a stage that has a solution only with wider thin necks."""
-    necks = lower(stage).neck
+    necks = design_arrays(stage).neck
     chain, position = np.unravel_index(np.argmin(necks[0]), (3, 3))
     trial = TRIAL_NECKS[(np.min(necks) < TRIAL_NECKS) & (np.max(necks) > TRIAL_NECKS)]
     wider = np.maximum(necks, trial[:, None, None])
@@ -343,7 +360,7 @@ def _refuse_thin_neck(stage: Stage, formula: str, freedoms: Freedoms, bodies: Ar
         name = HINGE_NAMES[position]
         key = key_of(stage, int(chain) + 1, name, "neck_mm")
         neck = stage.hinge(int(chain) + 1, name).neck
-        with located(stage):
+        with naming_place(stage):
             raise BadInput(
                 f"{key} = {neck:g}: this neck is so much thinner than others, of up to "
                 f"{np.max(necks):g} mm, that the stiffness cannot be computed to working "
@@ -359,7 +376,7 @@ def assemble(
     Arguments are those of `analyse`. Six other joints are dependent where the independent joints of
     the paper do not determine the rest.
     """
-    freedoms = freedoms_of(mobility, lower(stage).prismatic)
+    freedoms = freedoms_of(mobility, design_arrays(stage).prismatic)
     model = mechanism(stage_frames(stage), hinge_compliance(stage, formula), freedoms)
     if np.isnan(stiffness(model).K_uu).any():
         return model._replace(choice=rank_revealing(model.frames, model.joints, model.springs))
@@ -373,20 +390,31 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
     formula or the thickness chart of a "corrected" model does not cover."""
     check_closed_form(stage)
     with np.errstate(all="ignore"):  # invalid values are refused below
-        hinges = hinge_compliances(lower(stage), formula)
-    for reason, valid in _is_valid(lower(stage), formula, hinges).items():
+        hinges = hinge_compliances(design_arrays(stage), formula)
+    for reason, valid in _is_valid(design_arrays(stage), formula, hinges).items():
         for chain, position in np.argwhere(~valid[0]).tolist():
-            with located(stage):
+            with naming_place(stage):
                 raise BadInput(_refusal(reason, stage, formula, chain + 1, position))
     return Compliance(*(part[0] for part in hinges))
 
 
-def _model_name(formula: str, links: bool, mobility: int, plane: Plane) -> str:
+def _model_name(
+    formula: str,
+    links: bool,
+    mobility: int,
+    plane: Plane,
+) -> str:
     freedoms = "elastic links" if links else f"mobility {mobility}"
     return f"{formula}, {freedoms}, {PLANES[plane]}"
 
 
-def _refusal(reason: str, stage: Stage, formula: str, chain: int, position: int) -> str:
+def _refusal(
+    reason: str,
+    stage: Stage,
+    formula: str,
+    chain: int,
+    position: int,
+) -> str:
     """Return the text that refuses a hinge: key, value and expected values."""
     hinge = stage.hinge(chain, HINGE_NAMES[position])
     b = stage.thickness

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from flexfem import arguments
 from flexfem.arguments import forces, poses
 from flexfem.arrays import Array, inverse
-from flexfem.fem.mesh import RESOLUTION, StageMesh
+from flexfem.fem.mesh import RESOLUTION, PlaneMesh
 from flexfem.fem.response import Response
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper import warnings as warning
@@ -30,7 +30,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(
+    frozen=True,
+    eq=False,
+    repr=False,
+)
 class PlatformModel:
     """Common interface of both models.
 
@@ -76,7 +80,11 @@ class PlatformModel:
         return self.stage.material.yield_strength / highest
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(
+    frozen=True,
+    eq=False,
+    repr=False,
+)
 class AnalyticModel(PlatformModel):
     """The pseudo-rigid model of a stage at rest, as `analyse` returns it.
 
@@ -107,7 +115,11 @@ class AnalyticModel(PlatformModel):
         return found
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(
+    frozen=True,
+    eq=False,
+    repr=False,
+)
 class ElementModel(PlatformModel):
     """Plane finite elements of a stage, as `solve` returns them.
 
@@ -118,7 +130,7 @@ class ElementModel(PlatformModel):
     solved: Response
 
     @property
-    def mesh(self) -> StageMesh:
+    def mesh(self) -> PlaneMesh:
         """Nodes (n, 2), mm, quadratic triangles (m, 6), their bodies (m,) and named edges."""
         return self.solved.mesh
 
@@ -155,7 +167,12 @@ class ElementModel(PlatformModel):
         """Limits of validity that the stage exceeds, one sentence each."""
         return [*warning.of_numbers(self.stage), *warning.of_thickness(self.stage)]
 
-    def plot(self, force: ArrayLike, ax: Axes | None = None, factor: float | None = None) -> Axes:
+    def plot(
+        self,
+        force: ArrayLike,
+        ax: Axes | None = None,
+        factor: float | None = None,
+    ) -> Axes:
         """Draw the displaced stage with its von Mises stress under one load (3,); returns the axes.
 
         ax : matplotlib axes, new ones by default.   factor : exaggeration, a round one by default.

@@ -33,7 +33,7 @@ from flexfem.questions.modes import MOST, SOLID_RESOLUTION, Drives
 from flexfem.questions.setup import LIFTED, Mesh, ModelAnswer, Models, question
 from flexfem.questions.warnings import of_payload
 from flexfem.refused import BadInput
-from flexfem.results import FRESH, Gate, Progress, Quantity, Result
+from flexfem.results import NEW_MESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 ALL_BASES = (*DIRECTIONS, *LIFTED)
@@ -60,7 +60,7 @@ AT_ITS_PLACE = (
     "payload: its centre of mass is at the platform's centre, in the mid-plane; a payload above "
     "the mid-plane couples motion in and out of the plane, which is neglected"
 )
-FREQUENCY = Gate(FRESH.relative, 0.2)
+FREQUENCY = Gate(NEW_MESH.relative, 0.2)
 
 
 class NaturalModes(Result):
@@ -68,11 +68,11 @@ class NaturalModes(Result):
 
     title = "natural modes"
     has_mesh_fields = True
-    main = ("frequency", {})
+    main_result = ("frequency", {})
     columns: ClassVar[tuple[str, ...]] = ("model", "base")
     figure = "paper.figures.modes.figures"
     drawn_from_fields = True
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "effective modal mass: share of the whole mass or moment of inertia, for a motion of the "
         "base",
     )
@@ -84,8 +84,8 @@ class NaturalModes(Result):
     band_thickness = Quantity("band by the layers", "hz", ("mode",), Gate(0.2), shown=False)
     mass = Quantity("mass, including pads, hub and payload", "kg")
     inertia = Quantity("moment of inertia about the platform's centre", "kg_mm2")
-    tilting_inertia = Quantity("moments of inertia about x and y", "kg_mm2", ("tilt",), FRESH)
-    meshed_mass = Quantity("mass by the finite elements", "kg", gate=FRESH, shown=False)
+    tilting_inertia = Quantity("moments of inertia about x and y", "kg_mm2", ("tilt",), NEW_MESH)
+    meshed_mass = Quantity("mass by the finite elements", "kg", gate=NEW_MESH, shown=False)
     hub_mass = Quantity("mass of the hub", "kg")
     first_out_of_plane = Quantity(
         "first natural frequency out of the plane",
@@ -201,7 +201,11 @@ def _described(payload: Payload) -> str | None:
     return f"{payload.mass * KILOGRAM:g} kg, {payload.inertia * INERTIA:g} kg mm^2"
 
 
-def _payload(payload: tuple[float, float], tilting: float | None, solid: bool) -> Payload:
+def _payload(
+    payload: tuple[float, float],
+    tilting: float | None,
+    solid: bool,
+) -> Payload:
     """Return the payload in internal units. Raises BadInput."""
     expected = "mass (kg) and moment of inertia (kg mm^2)"
     mass, inertia = arguments.pair("payload", payload, LARGEST_PAYLOAD, expected)

@@ -137,7 +137,11 @@ VALUES: Mapping[tuple[str, ...], Callable[[DesignAnswers], Array]] = {
 }
 
 
-def values_of(found: DesignAnswers, names: Sequence[str], rotation: float | None) -> Array:
+def values_of(
+    found: DesignAnswers,
+    names: Sequence[str],
+    rotation: float | None,
+) -> Array:
     """Return values (n, names) of output columns, in their units.
 
     rotation : largest one of a base hinge, rad, for travels; None without a stroke.
@@ -151,7 +155,11 @@ def values_of(found: DesignAnswers, names: Sequence[str], rotation: float | None
     return np.stack([values[name] for name in names], axis=1)
 
 
-def _add_columns(values: dict[str, Array], names: Sequence[str], numbers: Array) -> None:
+def _add_columns(
+    values: dict[str, Array],
+    names: Sequence[str],
+    numbers: Array,
+) -> None:
     """Add numbers (n, names) in internal units to columns in their units."""
     for name, column in zip(names, numbers.T, strict=True):
         values[name] = column * unit_of(name).factor

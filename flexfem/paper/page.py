@@ -53,7 +53,12 @@ class StagePage(MechanismPage):
     stressed_axes: ClassVar[tuple[int, ...]] = (0, 2)
     mechanism: Stage
 
-    def __init__(self, mechanism: Stage, sections: Sequence[str], amplitude: Any) -> None:
+    def __init__(
+        self,
+        mechanism: Stage,
+        sections: Sequence[str],
+        amplitude: Any,
+    ) -> None:
         super().__init__(mechanism, sections, amplitude)
         if self.meshed:  # a stated plane problem is that of both models
             self.mechanism = mechanism.model_copy(update={"model": mechanism.model})
@@ -91,7 +96,12 @@ class StagePage(MechanismPage):
         shape: Array = vibrating.fields.shapes[0]
         return shape
 
-    def add_key_results(self, key: KeyResults, at_rest: Result, model: KeyModel) -> None:
+    def add_key_results(
+        self,
+        key: KeyResults,
+        at_rest: Result,
+        model: KeyModel,
+    ) -> None:
         """Add the error of the paper's model, the effect of thickness and the range of the drive."""
         if model.meshed and "budget" in self.sections:
             shares = self.ask(SHARES)
@@ -103,11 +113,21 @@ class StagePage(MechanismPage):
         if "drive" in self.sections and self.is_driven:
             self._add_drive(key, model.meshed)
 
-    def _add_drive(self, key: KeyResults, meshed: bool) -> None:
+    def _add_drive(
+        self,
+        key: KeyResults,
+        meshed: bool,
+    ) -> None:
         """Add the range of the drive, and the motions by the actuators."""
         found = self.ask(DRIVE_RANGES)
         low, high = (
-            found.texts("ends", others="zero", end=end, model=ANALYTIC) for end in ("low", "high")
+            found.texts(
+                "ends",
+                others="zero",
+                end=end,
+                model=ANALYTIC,
+            )
+            for end in ("low", "high")
         )
         cells = [f"{first} to {last}" for first, last in zip(low, high, strict=True)]
         key.rows.append(["range of the drive, others at zero, by the analytic model", *cells])

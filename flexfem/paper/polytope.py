@@ -60,7 +60,11 @@ class Polytope(NamedTuple):
                 edges.append(PoseEdge(*ends, by))
         return sorted(edges, key=lambda edge: float(np.arctan2(*(edge.end - edge.start)[::-1])))
 
-    def _clipped(self, normal: Array, support: float) -> tuple[Array, Array] | None:
+    def _clipped(
+        self,
+        normal: Array,
+        support: float,
+    ) -> tuple[Array, Array] | None:
         """Return both ends of the line normal @ (x, y) = support within all faces, None outside."""
         length = np.linalg.norm(normal)
         if length < FLAT:
@@ -79,7 +83,11 @@ class Polytope(NamedTuple):
             return None
         return foot + start * along, foot + end * along
 
-    def radius(self, centre: Array, directions: int) -> float:
+    def radius(
+        self,
+        centre: Array,
+        directions: int,
+    ) -> float:
         """Return the distance of a point (3,) from the faces in the first directions, mm.
 
         It is 0 for a point that is not inside.
@@ -116,7 +124,7 @@ def polytope_of(poses: PoseSet, lever: float) -> Polytope:
         normals,
         supports,
         faces,
-        poses.farthest(normals @ G)[1],
+        poses.maximised(normals @ G)[1],
         hull.volume * size**3 / lever,
         missed,
     )
@@ -133,7 +141,11 @@ def _outward_normal(Z: Array, face: list[int]) -> Array:
     return np.asarray(normal * np.sign(normal @ np.mean(Z[face] - np.mean(Z, axis=0), axis=0)))
 
 
-def _in_order(Z: Array, face: list[int], normal: Array) -> list[int]:
+def _in_order(
+    Z: Array,
+    face: list[int],
+    normal: Array,
+) -> list[int]:
     """Return the vertices of a face counter-clockwise, seen from outside."""
     arms = Z[face] - np.mean(Z[face], axis=0)
     angles = np.arctan2(arms @ np.cross(normal, arms[0]), arms @ arms[0])
@@ -142,7 +154,7 @@ def _in_order(Z: Array, face: list[int], normal: Array) -> list[int]:
 
 def _spanning(poses: PoseSet, G: Array) -> tuple[Array, int]:
     """Return commands whose images under G (3, m) span the set, and its dimension."""
-    X = poses.farthest(G[:1])[0]
+    X = poses.maximised(G[:1])[0]
     dimension = -1
     while True:
         _, values, axes = np.linalg.svd((X - X[0]) @ G.T)
@@ -151,10 +163,14 @@ def _spanning(poses: PoseSet, G: Array) -> tuple[Array, int]:
         if dimension in (previous, 3):
             return X, dimension
         missing = np.concatenate([axes[dimension:], -axes[dimension:]])
-        X = np.concatenate([X, poses.farthest(missing @ G)[0]])
+        X = np.concatenate([X, poses.maximised(missing @ G)[0]])
 
 
-def _refined(poses: PoseSet, G: Array, commands: Array) -> tuple[Array, float]:
+def _refined(
+    poses: PoseSet,
+    G: Array,
+    commands: Array,
+) -> tuple[Array, float]:
     """Add commands until the hull of their images is the set.
 
     Returns them and the largest distance of a pose outside, over the largest coordinate.
@@ -165,7 +181,7 @@ def _refined(poses: PoseSet, G: Array, commands: Array) -> tuple[Array, float]:
         planes = ConvexHull(commands @ G.T).equations
         distinct = np.unique(np.round(planes, 10), axis=0, return_index=True)[1]
         planes = planes[distinct]  # one of coplanar triangles
-        X = poses.farthest(planes[:, :3] @ G)[0]
+        X = poses.maximised(planes[:, :3] @ G)[0]
         excess = np.sum(planes[:, :3] * (X @ G.T), axis=1) + planes[:, 3]
         if np.max(excess) <= EXACT:
             return commands, 0.0

@@ -14,18 +14,18 @@ from flexfem.arrays import Array
 from flexfem.paper import warnings as warning
 from flexfem.paper.answers import about_driven, chosen, mesh_of
 from flexfem.paper.commanding import Commanding, commanding, driven_elements
-from flexfem.paper.designs import lower
+from flexfem.paper.designs import design_arrays
 from flexfem.paper.drive import LARGEST_LOAD
 from flexfem.paper.driven import StageLimits, command_limits
 from flexfem.paper.drives import ActuatorSet, drive_of
 from flexfem.paper.polytope import Polytope, polytope_of
 from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import setup
-from flexfem.questions.driven import SINGULAR, Driven
+from flexfem.questions.driven import SINGULAR, DriveSystem
 from flexfem.questions.poses import KINDS, NothingAllowed, PoseSet, Stops
 from flexfem.questions.setup import DEFAULT, Analytic
 from flexfem.refused import ComputationFailed
-from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
+from flexfem.results import ANALYTIC, ELEMENTS, NEW_MESH, SOLVED, Quantity, Result
 from flexfem.units import STRESS
 
 # poses that are not solid, by dimension
@@ -37,11 +37,11 @@ class StageReach(Result):
 
     kind_name = "reach"
     title = "poses that the drive reaches within all limits"
-    main = ("ends", {"others": "zero"})
+    main_result = ("ends", {"others": "zero"})
     labels: ClassVar = {"others": ("zero", "free"), "end": ("low", "high")}
     figure = "paper.figures.reach.reach_figure"
     drawn_from_fields = True
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "limits: stroke, contacts without tension, blocking force, and yield of the necks by the "
         "linear analytic model",
     )
@@ -50,7 +50,7 @@ class StageReach(Result):
         "ends of the ranges, other directions zero or free",
         "motion",
         ("others", "end", "model", "direction"),
-        FRESH,
+        NEW_MESH,
         "pose",
     )
     rest = Quantity("pose at zero commands", "motion", ("direction",), SOLVED, "pose")
@@ -118,12 +118,16 @@ def reach(
     )
 
 
-def pose_set(model: Commanding, system: Driven, load: Array) -> PoseSet:
+def pose_set(
+    model: Commanding,
+    system: DriveSystem,
+    load: Array,
+) -> PoseSet:
     """Return the poses of a driven stage under a load (3,).
 
     system : the drive by one model.   model : gives the neck stress by the forces of `system`.
     """
-    designs = lower(model.stage)
+    designs = design_arrays(model.stage)
     limits = command_limits(designs, system.at(None), model.necks[None], load)
     return PoseSet(system, limits, load, _names_of_necks())
 
@@ -134,7 +138,11 @@ def _names_of_necks() -> list[str]:
     ]
 
 
-def _of_all_poses(solid: Polytope, rest: Array, lever: float) -> dict[str, Any]:
+def _of_all_poses(
+    solid: Polytope,
+    rest: Array,
+    lever: float,
+) -> dict[str, Any]:
     """Return the pose at rest, and the numbers of the polytope."""
     return {
         "rest": rest,
@@ -146,7 +154,11 @@ def _of_all_poses(solid: Polytope, rest: Array, lever: float) -> dict[str, Any]:
     }
 
 
-def _notes(stops: Stops, solid: Polytope, commanded: Commanding) -> list[str]:
+def _notes(
+    stops: Stops,
+    solid: Polytope,
+    commanded: Commanding,
+) -> list[str]:
     """Return the limits of the ranges, the size of the polytope, and the accuracy of the model."""
     all_poses = f"all poses: {len(solid.vertices)} vertices, {len(solid.faces)} faces"
     if solid.missed:
@@ -167,7 +179,11 @@ def _notes(stops: Stops, solid: Polytope, commanded: Commanding) -> list[str]:
     ]
 
 
-def _why_unreachable(commanded: Commanding, poses: PoseSet, load: Array) -> str:
+def _why_unreachable(
+    commanded: Commanding,
+    poses: PoseSet,
+    load: Array,
+) -> str:
     """Describe the limits that allow no commands.
 
     They are the kinds that exclude all commands together with those of strokes, or all kinds.
@@ -184,7 +200,11 @@ def _why_unreachable(commanded: Commanding, poses: PoseSet, load: Array) -> str:
     return f"the drive reaches no pose: the limits of {kinds} allow no commands {under}{preloads}"
 
 
-def _excludes_all(commanded: Commanding, poses: PoseSet, kind: str) -> bool:
+def _excludes_all(
+    commanded: Commanding,
+    poses: PoseSet,
+    kind: str,
+) -> bool:
     """Whether limits of a kind, with those of strokes, allow no commands."""
     limits = poses.limits
     assert isinstance(limits, StageLimits)
@@ -197,7 +217,7 @@ def _excludes_all(commanded: Commanding, poses: PoseSet, kind: str) -> bool:
     )
     system = commanded.system
     try:
-        PoseSet(system, part, np.zeros(3), poses.names).farthest(system.drive.highest[None])
+        PoseSet(system, part, np.zeros(3), poses.names).maximised(system.drive.highest[None])
     except NothingAllowed:
         return True
     return False
@@ -210,7 +230,11 @@ def _preload_stress(commanded: Commanding) -> float:
     return float(np.max(commanded.stress(np.zeros(3), commanded.system.drive.preload)))
 
 
-def _warnings(commanded: Commanding, drive: ActuatorSet, solid: Polytope) -> list[str]:
+def _warnings(
+    commanded: Commanding,
+    drive: ActuatorSet,
+    solid: Polytope,
+) -> list[str]:
     messages = list[str]()
     unpaired = np.count_nonzero(drive.differential, axis=0) == 1
     if np.any(np.abs(drive.differential[:, unpaired]).T @ drive.preload > 0):

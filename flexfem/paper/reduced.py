@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array, brief
+from flexfem.arrays import Array, short_repr
 from flexfem.fem.modes import Modes, VibratingStructure, lowest
 from flexfem.files.provenance import counted
 from flexfem.files.writing import replacing, write_atomically
@@ -47,7 +47,7 @@ class CraigBampton(NamedTuple):
     loads: Array
 
 
-@brief
+@short_repr
 class DynamicModel(NamedTuple):
     """Response of the platform's pose to loads on it and commands of an engaged drive, in mm, N,
     tonne, s and rad.

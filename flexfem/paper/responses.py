@@ -33,7 +33,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import inertia_of
 from flexfem.paper import bodies as drawn
 from flexfem.paper.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
-from flexfem.paper.designs import Designs, lower, stage_frames
+from flexfem.paper.designs import Designs, design_arrays, stage_frames
 from flexfem.paper.drives import drive_of
 from flexfem.paper.equations import Freedoms
 from flexfem.paper.frames import Frames, chain_rotation
@@ -180,7 +180,11 @@ class Pieces(NamedTuple):
     at: Array
 
 
-def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
+def link_pieces(
+    stage: Stage,
+    chain: int,
+    pushes: list[Push],
+) -> list[Pieces]:
     """Return the pieces of pad and links of a chain (1 to 3), base to platform.
 
     They are split at the ends of the stations.
@@ -199,7 +203,11 @@ def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
     return pieces
 
 
-def _intervals(begin: float, end: float, stations: list[Station]) -> list[tuple[float, float]]:
+def _intervals(
+    begin: float,
+    end: float,
+    stations: list[Station],
+) -> list[tuple[float, float]]:
     """Split a length of a path at the ends of stations, but for round-off."""
     marks = {station.middle - station.half for station in stations}
     marks |= {station.middle + station.half for station in stations}
@@ -209,7 +217,11 @@ def _intervals(begin: float, end: float, stations: list[Station]) -> list[tuple[
     return list(pairwise([*kept, end]))
 
 
-def distal_share(push: Push, link: int, at: Array) -> Array:
+def distal_share(
+    push: Push,
+    link: int,
+    at: Array,
+) -> Array:
     """Return the share (q,) of a force on a body distal to places (q,), mm along a link."""
     if push.body == link and push.station is not None:
         return share_beyond(push.station, at)
@@ -268,7 +280,7 @@ def under_weight(
     """
     loaded = driven_model(stage, model, body_loads(stage if model.links else None))
     weights = mass_matrix(stage, payload) @ np.tile([*gravity, 0.0], MOVING)
-    stress = _stress(lower(stage), (loaded.necks @ weights)[None, ..., None])
+    stress = _stress(design_arrays(stage), (loaded.necks @ weights)[None, ..., None])
     return loaded.compliance[:3] @ weights, stress[0, ..., 0]
 
 
@@ -368,7 +380,11 @@ def drift(
     return WarmModel(pose, -wrenches[:, ::3], _stress(designs, _by_chain(wrenches)))
 
 
-def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:
+def misfits(
+    designs: Designs,
+    stage_expansion: Array,
+    frame_expansion: Array,
+) -> Array:
     """Return the displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone.
 
     The hinges are at rest. That of the ground about the platform's centre is the same for any path

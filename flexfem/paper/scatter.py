@@ -45,7 +45,11 @@ class NeckScatter:
 
     @classmethod
     @lru_cache(maxsize=1)
-    def drawn(cls, tolerance: Tolerance, seed: int) -> NeckScatter:
+    def drawn(
+        cls,
+        tolerance: Tolerance,
+        seed: int,
+    ) -> NeckScatter:
         """Draw both, once for all searches of a design."""
         return cls(
             deviations(tolerance, tolerance.stages, seed),
@@ -72,7 +76,12 @@ class NeckScatter:
     def _searched_basis(self) -> Array:
         return self._basis(self.searched)
 
-    def quantiles(self, designs: Designs, formula: str, mobility: int | None) -> Array:
+    def quantiles(
+        self,
+        designs: Designs,
+        formula: str,
+        mobility: int | None,
+    ) -> Array:
         """Return the 95 % quantiles (n, 4) of n designs over the stages of the search; nan without
         a solution.
         """
@@ -80,7 +89,12 @@ class NeckScatter:
         sizes = [coupling_sizes(_couplings(chains @ self._searched_basis)) for chains in at_nodes]
         return np.array([np.quantile(size, LEVEL, axis=-1) for size in sizes]).reshape(-1, 4)
 
-    def couplings(self, designs: Designs, formula: str, mobility: int | None) -> Array:
+    def couplings(
+        self,
+        designs: Designs,
+        formula: str,
+        mobility: int | None,
+    ) -> Array:
         """Return the couplings (3, stages) of the other stages of one design."""
         (at_nodes,) = self._at_nodes(designs, formula, mobility)
         blocks = np.array_split(self.others, BLOCKS)
@@ -88,7 +102,12 @@ class NeckScatter:
             [_couplings(at_nodes @ self._basis(block)) for block in blocks], axis=-1
         )
 
-    def _at_nodes(self, designs: Designs, formula: str, mobility: int | None) -> Array:
+    def _at_nodes(
+        self,
+        designs: Designs,
+        formula: str,
+        mobility: int | None,
+    ) -> Array:
         """Return what each hinge at each node adds to its chain, (n, 3 chains, 6 entries, 3 hinges
         x NODES), or nan.
         """

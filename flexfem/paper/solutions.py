@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, Sector, StageMesh, welded
+from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, PlaneMesh, Sector, welded
 from flexfem.fem.response import Response, unit_response
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import layers_of, mesh_sectors, plate_of, sheet_of
 
 
-@once
+@memoized
 def sectors_of(stage: Stage, resolution: int) -> tuple[Sector, ...]:
     """Return the meshed sectors of a feasible stage."""
     return mesh_sectors(stage, resolution)
 
 
-@once
-def meshed(stage: Stage, resolution: int) -> StageMesh:
+@memoized
+def meshed(stage: Stage, resolution: int) -> PlaneMesh:
     """Return the mesh of the whole stage."""
     return welded(sectors_of(stage, resolution))[0]
 
 
-@once
+@memoized
 def solved(stage: Stage, resolution: int) -> Response:
     """Solve a feasible stage with plane finite elements.
 
@@ -31,14 +31,22 @@ def solved(stage: Stage, resolution: int) -> Response:
     return unit_response(sectors_of(stage, resolution), plate_of(stage))
 
 
-@once
-def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> Response:
+@memoized
+def solve_solid(
+    stage: Stage,
+    resolution: int = SOLID_RESOLUTION,
+    layers: int = LAYERS,
+) -> Response:
     """Mesh and solve a stage in three dimensions. Raises BadInput, ComputationFailed."""
     check_feasible(stage)
     return unit_response(sectors_of(stage, resolution), sheet_of(stage), layers_of(stage, layers))
 
 
-def solved_by(stage: Stage, resolution: int, layers: int = 0) -> Response:
+def solved_by(
+    stage: Stage,
+    resolution: int,
+    layers: int = 0,
+) -> Response:
     """Solve a stage with layers in half of its thickness, or in the plane without layers."""
     if layers:
         return solve_solid(stage, resolution, layers)

@@ -12,13 +12,13 @@ from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import key_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
-from flexfem.mechanism.content import located, read_content
+from flexfem.mechanism.content import naming_place, read_content
 from flexfem.mechanism.dimensions import Callout, DrawingFacts, Span
 from flexfem.mechanism.keys import Key
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.unfinished import Unfinished
 from flexfem.paper.actuators import Actuator
-from flexfem.paper.designs import Elastic, lower
+from flexfem.paper.designs import Elastic, design_arrays
 from flexfem.paper.drawing import stage_callouts, stage_facts, stage_spans, with_mounting_holes
 from flexfem.paper.drives import drive_of
 from flexfem.paper.feasibility import check_closed_form
@@ -96,7 +96,7 @@ class Stage(StageContent):
         >>> stage.replace(neck=20.0)  # doctest: +ELLIPSIS
         Traceback (most recent call last):
             ...
-        flexfem.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide ...
+        flexfem.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck ...
         """
         changed = self._replaced(changes)
         changed.check()
@@ -155,7 +155,7 @@ class Stage(StageContent):
         """
         if attr not in ("radius", "neck", "prismatic"):
             raise ValueError(f"no array of {attr!r}: expected radius, neck or prismatic")
-        values: AnyArray = getattr(lower(self), attr)
+        values: AnyArray = getattr(design_arrays(self), attr)
         return values if attr == "prismatic" else values[0]
 
     @property
@@ -163,7 +163,7 @@ class Stage(StageContent):
         """The stage as any other mechanism: pads, links, platform and hinges. Raises BadInput as
         `stage_layout`.
         """
-        with located(self):
+        with naming_place(self):
             return stage_layout(self)
 
     @property
@@ -179,7 +179,7 @@ class Stage(StageContent):
     @property
     def elastic(self) -> Elastic:
         """Elastic constants of the plane problem of `model`; those of the bulk are in `material`."""
-        return Elastic(*(value[0] for value in lower(self).elastic))
+        return Elastic(*(value[0] for value in design_arrays(self).elastic))
 
     @property
     def chains_alike(self) -> bool:

@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 
 from flexfem.files.quantities import Angle, Length
 from flexfem.files.refusals import KeyPath, key_path, nearest, problems_of, refusal, shown
-from flexfem.files.tables import Label, Table, once, plain
+from flexfem.files.tables import Label, Table, memoized, plain
 from flexfem.mechanism.actuators import RatedActuator
 from flexfem.mechanism.content import merged_tables
 from flexfem.mechanism.materials import Frame, Material
@@ -61,7 +61,11 @@ class Hinge(Table):
     """Whether the analytic model includes the axial compliance of the hinge besides its rotational
     compliance
     """
-    axis: Angle | None = Field(default=None, alias="axis_deg", examples=[180.0])
+    axis: Angle | None = Field(
+        default=None,
+        alias="axis_deg",
+        examples=[180.0],
+    )
     """Direction of the neck in the frame of chain 1, rotated with each chain; by default along link
     1 for the base and elbow hinges, along link 2 for the platform hinge """
 
@@ -125,7 +129,11 @@ class _Target(Table):
 
     described_by: ClassVar = (Hinge, RatedActuator, Actuator)
 
-    chain: int = Field(ge=1, le=3, examples=[2])
+    chain: int = Field(
+        ge=1,
+        le=3,
+        examples=[2],
+    )
     """Chain of the overridden hinge or actuator"""
     hinge: HingeName | None = None
     """Overridden hinge of the chain"""
@@ -169,7 +177,11 @@ OF_ACTUATORS = tuple(name for name in Actuator.model_fields if name not in NOT_O
 def _optional(field: FieldInfo) -> Any:
     """Return a field of a table as an optional field of an override."""
     kind: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-    return kind | None, Field(default=None, alias=field.alias, examples=field.examples)
+    return kind | None, Field(
+        default=None,
+        alias=field.alias,
+        examples=field.examples,
+    )
 
 
 _FIELDS = {name: _optional(Hinge.model_fields[name]) for name in OF_HINGES}
@@ -239,7 +251,11 @@ class StageContent(Mechanism):
             if override.actuator not in actuators:
                 expected = f"an actuator of this stage{nearest(override.actuator, actuators)}"
                 raise refusal(expected, "override", index, "actuator")
-            stated = override.model_dump(by_alias=True, exclude_none=True, exclude={*TARGET_FIELDS})
+            stated = override.model_dump(
+                by_alias=True,
+                exclude_none=True,
+                exclude={*TARGET_FIELDS},
+            )
             content = (
                 actuators[override.actuator].model_dump(by_alias=True, exclude_none=True) | stated
             )
@@ -263,7 +279,12 @@ class StageContent(Mechanism):
             given["hinges"] = merged_tables(hinges, given.get("hinges", {}))
         return super().merged(given)
 
-    def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
+    def _members_changed(
+        self,
+        array: str,
+        members: list[Any],
+        changes: dict[Any, Any],
+    ) -> Any:
         """Return the overrides changed by their places."""
         if array != "override":
             return super()._members_changed(array, members, changes)
@@ -288,7 +309,11 @@ class StageContent(Mechanism):
             merged[about] = merged.get(about, target) | dict(values)
         return list(merged.values())
 
-    def hinge(self, chain: int, name: str) -> Hinge:
+    def hinge(
+        self,
+        chain: int,
+        name: str,
+    ) -> Hinge:
         """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no
         such hinge.
         """
@@ -307,7 +332,7 @@ def _overridden(stage: StageContent, table: Overridden, *place: int | str) -> Ov
     return table.model_copy(update=changes) if changes else table
 
 
-@once
+@memoized
 def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
     """Return the nine hinges, 3 chains by 3 hinges, overrides applied."""
     named = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
@@ -316,7 +341,7 @@ def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
     )
 
 
-@once
+@memoized
 def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
     """Return the actuators of every chain, overrides applied."""
     return tuple(
@@ -325,19 +350,34 @@ def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
     )
 
 
-def key_of_actuator(stage: StageContent, chain: int, index: int, key: str) -> str:
+def key_of_actuator(
+    stage: StageContent,
+    chain: int,
+    index: int,
+    key: str,
+) -> str:
     """Key path in the stage file of a value of an actuator on a chain, in its override where there
     is one.
     """
     return _key(stage, (chain, "actuator", stage.actuator[index].name), ("actuator", index), key)
 
 
-def key_of(stage: StageContent, chain: int, hinge: str, key: str) -> str:
+def key_of(
+    stage: StageContent,
+    chain: int,
+    hinge: str,
+    key: str,
+) -> str:
     """Key path in the stage file of a value of a hinge, in its override where there is one."""
     return _key(stage, (chain, hinge), ("hinges", hinge), key)
 
 
-def _key(stage: StageContent, place: Place, table: KeyPath, key: str) -> str:
+def _key(
+    stage: StageContent,
+    place: Place,
+    table: KeyPath,
+    key: str,
+) -> str:
     for index, override in enumerate(stage.override):
         if override.place == place and key in override.model_dump(by_alias=True, exclude_none=True):
             table = ("override", index)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import Pose, Segment, disc, offset, polyline, reverse
 from flexfem.mechanism.profiles import Circular
@@ -27,7 +27,7 @@ OF_CHAIN = BODIES[:3]  # bodies of every chain
 PLATFORM = len(CHAINS) * len(OF_CHAIN)  # number of the platform in the layout
 
 
-@once
+@memoized
 def stage_layout(stage: StageContent, refuse: bool = True) -> Layout:
     """Return the layout of a stage.
 
@@ -82,7 +82,11 @@ def _straight_lines(stage: StageContent, chain: int) -> list[list[Segment]]:
     return [polyline(start.point, face.point) for start, face in zip(starts, faces, strict=True)]
 
 
-def _strip(line: Sequence[Segment], width: float, chain: int) -> list[Segment]:
+def _strip(
+    line: Sequence[Segment],
+    width: float,
+    chain: int,
+) -> list[Segment]:
     """Return the outline of a strip about a centreline, placed on the stage."""
     left = turn(offset(line, width / 2), chain)
     right = turn(offset(line, -width / 2), chain)
@@ -126,7 +130,11 @@ def _given(stage: StageContent) -> str:
     )
 
 
-def _joint(stage: StageContent, chain: int, k: int) -> Joint:
+def _joint(
+    stage: StageContent,
+    chain: int,
+    k: int,
+) -> Joint:
     """Return hinge k (from 0, at the base) of a chain (1 to 3)."""
     name = HINGE_NAMES[k]
     hinge = stage.hinge(chain, name)

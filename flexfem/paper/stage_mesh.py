@@ -18,9 +18,9 @@ from flexfem.fem.elements import Layers, Plate
 from flexfem.fem.mesh import (
     RESOLUTION,
     SAME_PLACE,
+    PlaneMesh,
     PoorTriangles,
     Sector,
-    StageMesh,
     by_radius,
     check_triangles,
     mesh_of,
@@ -30,7 +30,7 @@ from flexfem.fem.mesh import (
 from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_mesher
 from flexfem.fem.ports import layers_of_layout
 from flexfem.fem.sizes import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, first_good, smaller_at
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import Face, area
@@ -104,12 +104,17 @@ def _next_attempt(job: FaceMesh, failure: ComputationFailed) -> FaceMesh | None:
     return job._replace(gradings=[*job.gradings, *smaller_at(failure.corners, coarse)])
 
 
-def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:
+def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> PlaneMesh:
     """Mesh the whole stage with `mesh_sectors`; it is exactly symmetric for identical chains."""
     return welded(mesh_sectors(stage, resolution))[0]
 
 
-def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> FaceMesh:
+def sector_drawing(
+    stage: Stage,
+    chain: int,
+    resolution: int,
+    finest: int,
+) -> FaceMesh:
     """Return drawing and sizes of the sector of a chain.
 
     finest : the highest resolution of all, which sets the cuts.
@@ -129,7 +134,13 @@ def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> Fa
     )
 
 
-def grading(centre: complex, radius: float, size: float, coarse: float, across: float) -> Grading:
+def grading(
+    centre: complex,
+    radius: float,
+    size: float,
+    coarse: float,
+    across: float,
+) -> Grading:
     """Return sizes, mm, that grow outside a radius as from a neck with `across` triangles."""
     return Grading((centre,), radius, size, coarse, (coarse - size) * across / GROWTH)
 
@@ -191,7 +202,7 @@ def plate_of(stage: Stage) -> Plate:
 
     Raises BadInput for a model that is not plane.
     """
-    with located(stage):
+    with naming_place(stage):
         if stage.model == "corrected":
             raise BadInput(
                 'model = "corrected", with three-dimensional hinges, expected "plane_stress" or '
@@ -206,6 +217,10 @@ def sheet_of(stage: Stage) -> Plate:
     return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
 
 
-def layers_of(stage: Mechanism, number: int, antisymmetric: bool = False) -> Layers:
+def layers_of(
+    stage: Mechanism,
+    number: int,
+    antisymmetric: bool = False,
+) -> Layers:
     """Return the layers of `layers_of_layout` for a stage."""
     return layers_of_layout(stage.layout, number, antisymmetric)

@@ -41,7 +41,7 @@ from flexfem.questions.stiffness import (
     last_of,
     load_of,
 )
-from flexfem.results import COARSER, SHEET, STRESS, Progress, Quantity, Result
+from flexfem.results import COARSE_MESHES, SHEET, STRESS, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
@@ -59,22 +59,22 @@ class StageStiffness(Result):
     kind_name = "stiffness"
     has_mesh_fields = True
     title = "stage at rest"
-    main = ("free", {})
-    stiffness = replace(Stiffness.stiffness, gate=COARSER)
-    compliance = replace(Stiffness.compliance, gate=COARSER)
-    held = replace(Stiffness.held, gate=COARSER, compared=True)
-    free = replace(Stiffness.free, gate=COARSER)
+    main_result = ("free", {})
+    stiffness = replace(Stiffness.stiffness, gate=COARSE_MESHES)
+    compliance = replace(Stiffness.compliance, gate=COARSE_MESHES)
+    held = replace(Stiffness.held, gate=COARSE_MESHES, compared=True)
+    free = replace(Stiffness.free, gate=COARSE_MESHES)
     stress = replace(Stiffness.stress, over=(*NECKS, "direction"), gate=STRESS)
     yield_range = replace(Stiffness.yield_range, gate=STRESS)
     free_yield_range = replace(Stiffness.free_yield_range, gate=STRESS)
     yield_force = replace(Stiffness.yield_force, gate=STRESS)
     thickness = Quantity("change of stiffness in three dimensions", "percents", ("direction",))
-    force = replace(Stiffness.force, gate=COARSER)
-    pose = replace(Stiffness.pose, over=("model", "direction"), gate=COARSER)
+    force = replace(Stiffness.force, gate=COARSE_MESHES)
+    pose = replace(Stiffness.pose, over=("model", "direction"), gate=COARSE_MESHES)
     reaction = Quantity(
-        "reaction of the ground", "wrench", ("model", "direction"), COARSER, "wrench"
+        "reaction of the ground", "wrench", ("model", "direction"), COARSE_MESHES, "wrench"
     )
-    energy = replace(Stiffness.energy, gate=COARSER)
+    energy = replace(Stiffness.energy, gate=COARSE_MESHES)
     neck_stress = Quantity("neck stress under the load", "mpa", NECKS, STRESS, "all")
     neck_height = Quantity(
         "distance of the highest stress from the mid-plane", "mm", NECKS, shown=False
@@ -135,14 +135,14 @@ def stiffness(
         assert model is not None
         return _values(stage, model.responses, load)
 
-    def of_size(resolution: int, layers: int) -> Values:
+    def on_mesh(resolution: int, layers: int) -> Values:
         response = solved_by(stage, resolution, layers)
         values = _values(stage, responses(stage, response), load)
         if "force" in values:
             values |= _of_ground(stage, response, values["force"])
         return values
 
-    found = by_models(mesh, models, of_model, of_size, progress, _bands)
+    found = by_models(mesh, models, of_model, on_mesh, progress, _bands)
     if mesh is not None:
         found = _with_bounds(stage, mesh, found)
     parts = [
@@ -155,7 +155,11 @@ def stiffness(
     return result_of(StageStiffness, about(stage), found, mesh, fields=fields, **joined(parts))
 
 
-def _values(stage: Stage, response: Responses, load: Load) -> Values:
+def _values(
+    stage: Stage,
+    response: Responses,
+    load: Load,
+) -> Values:
     """Return the values at rest, and those under the load if there is one."""
     C = response.compliance
     values: Values = at_rest(C)
@@ -174,11 +178,20 @@ def _values(stage: Stage, response: Responses, load: Load) -> Values:
         pose = C @ force
         energy = force @ pose / 2
         necks = response.stress(force)
-        values |= {"force": force, "pose": pose, "energy": energy, "neck_stress": necks}
+        values |= {
+            "force": force,
+            "pose": pose,
+            "energy": energy,
+            "neck_stress": necks,
+        }
     return values
 
 
-def _of_ground(stage: Stage, response: Response, force: Array) -> Values:
+def _of_ground(
+    stage: Stage,
+    response: Response,
+    force: Array,
+) -> Values:
     """Return the reaction of the ground on a stage under a load (3,), and where its necks are
     stressed most.
     """
@@ -188,7 +201,11 @@ def _of_ground(stage: Stage, response: Response, force: Array) -> Values:
     return found
 
 
-def _bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> Mapping[str, Any]:
+def _bands(
+    sizes: Array,
+    each: list[Values],
+    ends: Sequence[Values],
+) -> Mapping[str, Any]:
     """Return the bands of the compliance, and in the plane of numbers that depend on the stress."""
     compliances = np.array([one["compliance"] for one in each])
     if ends:
@@ -212,7 +229,11 @@ def _bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> Mapping[
     }
 
 
-def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dict[str, ModelAnswer]:
+def _with_bounds(
+    stage: Stage,
+    mesh: Mesh,
+    found: dict[str, ModelAnswer],
+) -> dict[str, ModelAnswer]:
     """Add bands that follow from that of the compliance, and the plane problems between which three
     dimensions lie.
     """
@@ -246,7 +267,11 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     return soft, hard
 
 
-def _of_stage(stage: Stage, mesh: Mesh | None, model: _Model | None) -> PartOfAnswer:
+def _of_stage(
+    stage: Stage,
+    mesh: Mesh | None,
+    model: _Model | None,
+) -> PartOfAnswer:
     """Return the formula, the compliance of the hinges, and the effect of the thickness."""
     values = dict[str, Array]()
     settings = dict[str, Any]()
@@ -264,7 +289,12 @@ def _of_stage(stage: Stage, mesh: Mesh | None, model: _Model | None) -> PartOfAn
         values["thickness"] = thickness
     if mesh is not None:
         warnings += warning.held_faces(stage) if mesh.layers else warning.of_thickness(stage)
-    return PartOfAnswer(values, settings=settings, warnings=warnings, notes=notes)
+    return PartOfAnswer(
+        values,
+        settings=settings,
+        warnings=warnings,
+        notes=notes,
+    )
 
 
 def _under_load(stage: Stage, found: Mapping[str, ModelAnswer]) -> PartOfAnswer:
@@ -288,7 +318,11 @@ def _of_motions(stage: Stage, found: Mapping[str, ModelAnswer]) -> PartOfAnswer:
     return PartOfAnswer(warnings=warnings)
 
 
-def _fields_of(stage: Stage, mesh: Mesh | None, last: Values) -> MeshFields | None:
+def _fields_of(
+    stage: Stage,
+    mesh: Mesh | None,
+    last: Values,
+) -> MeshFields | None:
     """Return the fields of finite elements under the load; none without either."""
     if mesh is None or "force" not in last:
         return None

@@ -28,8 +28,8 @@ from flexfem.paper.batch import (
     payload_of_study,
 )
 from flexfem.paper.commanding import element_ranges
-from flexfem.paper.designs import lower
-from flexfem.paper.life import by_elements, lives, preload_warnings
+from flexfem.paper.designs import design_arrays
+from flexfem.paper.life import element_values, lives, preload_warnings
 from flexfem.paper.model import analyse, in_range
 from flexfem.paper.outputs import DesignAnswers, ErrorPercentages, values_of
 from flexfem.paper.responses import in_plane, rates_of, require_expansion
@@ -52,7 +52,11 @@ INELASTIC = frozenset({"yield_strength", "density", "expansion", *LIFE_CONSTANTS
 ELEMENTS_ALONE = ("fe", "three_dimensional")
 
 
-def family(base: Stage, study: Study, columns: Sequence[Column]) -> StageFamily:
+def family(
+    base: Stage,
+    study: Study,
+    columns: Sequence[Column],
+) -> StageFamily:
     """Return the designs of a study on a stage."""
     return StageFamily(base, study, columns)
 
@@ -63,7 +67,12 @@ class StageFamily(Family):
     has_bands = False
     makes_checked = False
 
-    def __init__(self, base: Stage, study: Study, columns: Sequence[Column]) -> None:
+    def __init__(
+        self,
+        base: Stage,
+        study: Study,
+        columns: Sequence[Column],
+    ) -> None:
         super().__init__(base, study, columns)
         self.stage = base
 
@@ -110,7 +119,11 @@ class StageFamily(Family):
             place in keys()[path].places_in(self.stage) for path in set_by for place in places
         )
 
-    def _dependent_values(self, path: str, known: dict[str, Array]) -> Array:
+    def _dependent_values(
+        self,
+        path: str,
+        known: dict[str, Array],
+    ) -> Array:
         """Return the values (n,) of a key of one chain that a column sets by the key of all."""
         values = np.column_stack([known[column.name] for column in self.columns])
         designs = self._batch.designs(values)
@@ -162,11 +175,19 @@ class StageFamily(Family):
     def _stage(self, values: Array) -> Stage:
         return self._changed(self._changes(values))
 
-    def flags(self, values: Array, rows: Rows) -> list[Flag]:
+    def flags(
+        self,
+        values: Array,
+        rows: Rows,
+    ) -> list[Flag]:
         """Return warnings about the results of designs (n, columns)."""
         return [*self._flags(values, rows)]
 
-    def _flags(self, values: Array, rows: Rows) -> Iterator[Flag]:
+    def _flags(
+        self,
+        values: Array,
+        rows: Rows,
+    ) -> Iterator[Flag]:
         study = self.study
         everywhere = np.ones(len(values), dtype=bool)
         if study.model not in ELEMENTS_ALONE:
@@ -196,7 +217,11 @@ class StageFamily(Family):
         """Return whether a factor leaves mesh and stiffness as they are, such as a yield strength."""
         return {keys()[path].attribute for path in column.keys} <= INELASTIC
 
-    def is_without_effect(self, one: Array, other: Array) -> bool:
+    def is_without_effect(
+        self,
+        one: Array,
+        other: Array,
+    ) -> bool:
         """Return False: every key of a stage changes the stage."""
         return False
 
@@ -324,15 +349,15 @@ def solved_design(
         structure = vibrating(stage, response.mesh, requests.payload)
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if requests.repeated is not None:
-        cycles = by_elements(stage, response, requests.repeated)
-        fatigue = lower(stage).fatigue
+        cycles = element_values(stage, response, requests.repeated)
+        fatigue = design_arrays(stage).fatigue
         found = found._replace(
             lives=lives(cycles, fatigue, found.yield_strength, requests.repeated)
         )
     if requests.driven:
         found = found._replace(drives=element_ranges(stage, response.mesh))
     if requests.warm:
-        expansions = [coefficient.item() for coefficient in in_plane(lower(stage))]
+        expansions = [coefficient.item() for coefficient in in_plane(design_arrays(stage))]
         warm = heat_response(response.mesh, plate_of(stage), *expansions)
         found = found._replace(drift=rates_of(warm.motions[None]))
     if requests.predicted is not None:
@@ -347,11 +372,16 @@ def _at_rest(stage: Stage, response: Response) -> DesignAnswers:
     turning = np.abs(K @ fields.base_rotations(stage, response)).max(axis=1)
     highest = fields.neck_stresses(stage, response, K).highest.max(axis=(1, 2))
     envelope = np.array([fields.envelope(response)])
-    strength = lower(stage).yield_strength
+    strength = design_arrays(stage).yield_strength
     return DesignAnswers(K[None], highest[None], turning[None], strength, envelope)
 
 
-def elements(stage: Stage, resolution: int, limit: Limit, layers: int = 0) -> Response:
+def elements(
+    stage: Stage,
+    resolution: int,
+    limit: Limit,
+    layers: int = 0,
+) -> Response:
     """Mesh a stage and condense it sector by sector. Raises as `solved_design`."""
     sectors = mesh_sectors(stage, resolution, limit)
     if layers:

@@ -10,7 +10,7 @@ from flexfem.questions.reach import reach
 from flexfem.questions.setup import DEFAULT, Analytic, Models
 from flexfem.questions.summary import READING, Summary, at_rest_of, ends_of, material_of
 from flexfem.refused import ComputationFailed
-from flexfem.results import COARSER, STRESS, Progress, Quantity, Result
+from flexfem.results import COARSE_MESHES, STRESS, Progress, Quantity, Result
 
 BY_DIRECTION = ("direction", "model")
 
@@ -20,10 +20,10 @@ class StageSummary(Result):
 
     kind_name = "summary"
     title = "summary"
-    main = ("free", {})
-    reading = READING
-    stiffness = replace(Summary.stiffness, gate=COARSER, compared=True)
-    free = replace(Summary.free, gate=COARSER)
+    main_result = ("free", {})
+    footnotes = READING
+    stiffness = replace(Summary.stiffness, gate=COARSE_MESHES, compared=True)
+    free = replace(Summary.free, gate=COARSE_MESHES)
     yield_range = replace(Summary.yield_range, gate=STRESS)
     yield_force = replace(Summary.yield_force, gate=STRESS)
     stress = replace(Summary.stress, over=(*BY_DIRECTION, "chain", "hinge"), gate=STRESS)

@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from flexfem.arrays import Array, is_largest
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response
 from flexfem.files.provenance import assumptions
@@ -46,10 +46,10 @@ from flexfem.questions.warnings import of_yield
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
-    COARSER,
+    COARSE_MESHES,
     ELEMENTS,
     EXACT,
-    FRESH,
+    NEW_MESH,
     SOLVED,
     STRESS,
     About,
@@ -68,7 +68,7 @@ POINT = ("curve", "point", "direction")
 SETTINGS = ("direction", "analysis", "drive", "model", "resolution")  # keys of a case
 MATRIX = ("curve", "component", "direction")
 PERCENT_GATE = Gate(
-    FRESH.relative, absolute=100 * FRESH.relative
+    NEW_MESH.relative, absolute=100 * NEW_MESH.relative
 )  # relative to the displacement, not to its error
 
 
@@ -136,9 +136,9 @@ class Verification(Result):
 
     title = "errors of the finite-element displacement"
     stored_by = "paper.page"
-    main = ("percent", {})
+    main_result = ("percent", {})
     columns = ("direction",)
-    reading = ("errors are those at the largest command; rotations are multiplied by l3",)
+    footnotes = ("errors are those at the largest command; rotations are multiplied by l3",)
     percent = Quantity(
         "positioning error, % of the commanded motion",
         "percents",
@@ -149,7 +149,7 @@ class Verification(Result):
         "stiffness of the platform along each direction",
         "stiffness",
         ("curve", "model", "direction"),
-        FRESH,
+        NEW_MESH,
     )
     peak = Quantity(
         "highest neck stress per displacement along the command",
@@ -180,7 +180,12 @@ class Verification(Result):
         "commanded displacement", "motion", ("point", "direction"), EXACT, "pose", shown=False
     )
     error = Quantity(
-        "finite-element minus commanded displacement", "motion", POINT, COARSER, "pose", shown=False
+        "finite-element minus commanded displacement",
+        "motion",
+        POINT,
+        COARSE_MESHES,
+        "pose",
+        shown=False,
     )
     force = Quantity(
         "load of the model on the platform", "wrench", POINT, SOLVED, "wrench", shown=False
@@ -195,13 +200,18 @@ class Verification(Result):
         "analytic stiffness", "stiffness matrix", MATRIX, EXACT, "matrix", shown=False
     )
     compliance = Quantity(
-        "compliance of finite elements", "compliance matrix", MATRIX, FRESH, "matrix", shown=False
+        "compliance of finite elements",
+        "compliance matrix",
+        MATRIX,
+        NEW_MESH,
+        "matrix",
+        shown=False,
     )
     on_meshes = Quantity(
         "error on each mesh, coarse to fine",
         "percents",
         ("curve", "mesh", "direction"),
-        Gate(COARSER.relative, absolute=100 * COARSER.relative),
+        Gate(COARSE_MESHES.relative, absolute=100 * COARSE_MESHES.relative),
         shown=False,
     )
     layer_band = Quantity(
@@ -390,7 +400,11 @@ def _about(loaded: LoadedCase, curves: Mapping[str, CurveModels]) -> About:
     )
 
 
-def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> ModelAnswer:
+def _quantities(
+    case: Case,
+    run: CurveRun,
+    joints: Sequence[str],
+) -> ModelAnswer:
     """Return the quantities of one curve."""
     model = run.model
     fe = run.elements
@@ -497,7 +511,12 @@ def _named(loaded: LoadedCase, curve: Curve) -> Iterator[None]:
         raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
-def _solve_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> CurveElements:
+def _solve_force(
+    stage: Stage,
+    curve: Curve,
+    model: AnalyticResult,
+    case: Case,
+) -> CurveElements:
     """Solve three meshes under the force of a model; in a nonlinear case, under the force of exact
     equilibrium.
     """
@@ -529,7 +548,7 @@ def _solve_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) 
 
 
 def _in_plane(
-    stage: Stage, case: Case, at_full: Sequence[tuple[StageMesh, Array, Array]], **others: Any
+    stage: Stage, case: Case, at_full: Sequence[tuple[PlaneMesh, Array, Array]], **others: Any
 ) -> CurveElements:
     """Collect plane finite elements; at_full: meshes, coarse to fine, with pose (3,) and
     displacement field.
@@ -554,7 +573,12 @@ def _in_plane(
     )
 
 
-def _solve_solid(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> CurveElements:
+def _solve_solid(
+    stage: Stage,
+    _: Curve,
+    model: AnalyticResult,
+    case: Case,
+) -> CurveElements:
     """Solve three-dimensional finite elements under the force of a model: mid-plane, and stress
     over the thickness.
 
@@ -605,7 +629,12 @@ def _solid_bands(
     return tuple(found), of_layers
 
 
-def _solve_imposed(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> CurveElements:
+def _solve_imposed(
+    stage: Stage,
+    _: Curve,
+    model: AnalyticResult,
+    case: Case,
+) -> CurveElements:
     """Solve three meshes with the rotations or strokes that a model computes for the commands."""
     joints = imposed(stage, model, case.drive)
     lever = stage.chain.link_lengths[2]

@@ -13,7 +13,7 @@ import numpy as np
 from flexfem.analytic.network import with_springs
 from flexfem.arrays import Array, Index
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.fem.modes import Modes, VibratingStructure, sector_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.structure import mass_of, structure
@@ -48,7 +48,7 @@ class Vibration(NamedTuple):
     tilting : (k,), True if the platform leaves the plane.   reduced : in the plane.
     """
 
-    mesh: StageMesh
+    mesh: PlaneMesh
     shapes: Array
     tilting: list[bool]
     heights: Array | None = None
@@ -94,7 +94,11 @@ class VibratingStage(NamedTuple):
         return self.stage.material.density * DENSITY
 
 
-def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
+def payload_of(
+    mass: float,
+    inertia: float,
+    tilting: float = 0.0,
+) -> Payload:
     """Return a payload from its mass, kg, and moments of inertia about z and about x and y, kg
     mm^2.
     """
@@ -128,7 +132,7 @@ def _frequencies(choice: ModelChoice, asked: VibratingStage) -> Array:
 
 
 def vibrating(
-    stage: Stage, mesh: StageMesh, payload: Payload, drive: ActuatorSet | None = None
+    stage: Stage, mesh: PlaneMesh, payload: Payload, drive: ActuatorSet | None = None
 ) -> VibratingStructure:
     """Return the vibrating stage on one mesh, with an engaged drive or none. Raises BadInput unless
     it is plane.
@@ -145,7 +149,12 @@ def _shares(solution: Modes) -> Array:
     return 100 * solution.participation**2 / np.diag(solution.total)
 
 
-def in_plane(asked: VibratingStage, mesh: Mesh, damping: float, progress: Progress | None) -> Found:
+def in_plane(
+    asked: VibratingStage,
+    mesh: Mesh,
+    damping: float,
+    progress: Progress | None,
+) -> Found:
     """Return the modes by plane finite elements, and the dynamics that they reduce to.
 
     damping : ratio of every mode to the critical one.
@@ -159,10 +168,14 @@ def in_plane(asked: VibratingStage, mesh: Mesh, damping: float, progress: Progre
         finest[:] = [(body, found)]
         return {"frequency": found.frequencies}
 
-    def bands(sizes: Array, each: list[Values], _: Sequence[Values]) -> dict[str, Array]:
+    def bands(
+        sizes: Array,
+        each: list[Values],
+        _: Sequence[Values],
+    ) -> dict[str, Array]:
         return {"frequency": _bands_on_meshes(sizes, each)}
 
-    models = answers.by_elements(mesh, by_mesh, progress, bands)
+    models = answers.element_values(mesh, by_mesh, progress, bands)
     ((body, found),) = finest
     shapes = np.array([found.field(k) for k in range(asked.most)])
     reduced = reduced_model(body, found, damping, asked.drive)
@@ -205,7 +218,11 @@ class Halves(NamedTuple):
         return np.array(shapes)
 
 
-def in_depth(asked: VibratingStage, mesh: Mesh, progress: Progress | None) -> Found:
+def in_depth(
+    asked: VibratingStage,
+    mesh: Mesh,
+    progress: Progress | None,
+) -> Found:
     """Return the modes by finite elements in three dimensions, in the plane and out of it."""
     finest = list[Halves]()
     parts = dict[str, Array]()
@@ -214,7 +231,11 @@ def in_depth(asked: VibratingStage, mesh: Mesh, progress: Progress | None) -> Fo
         finest[:] = [Halves(*(_half(asked, resolution, layers, odd) for odd in (False, True)))]
         return {"frequency": finest[0].frequencies}
 
-    def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Array]:
+    def bands(
+        sizes: Array,
+        each: list[Values],
+        ends: Sequence[Values],
+    ) -> dict[str, Array]:
         few, many = (one["frequency"] for one in ends)
         on_meshes = _bands_on_meshes(sizes, each) / each[-1]["frequency"]
         by_layers = SAFETY * np.abs(many - few) / many
@@ -222,7 +243,7 @@ def in_depth(asked: VibratingStage, mesh: Mesh, progress: Progress | None) -> Fo
         parts["band_thickness"] = finest[0].frequencies * by_layers
         return {"frequency": parts["band_plane"] + parts["band_thickness"]}
 
-    models = answers.by_elements(mesh, by_mesh, progress, bands)
+    models = answers.element_values(mesh, by_mesh, progress, bands)
     (found,) = finest
     order = lowest_modes(models, asked.most)
     parts["share"] = found.shares
@@ -239,7 +260,12 @@ def in_depth(asked: VibratingStage, mesh: Mesh, progress: Progress | None) -> Fo
     return Found({SHEET: sheet, **models}, values, vibration)
 
 
-def _half(asked: VibratingStage, resolution: int, layers: int, odd: bool) -> Modes:
+def _half(
+    asked: VibratingStage,
+    resolution: int,
+    layers: int,
+    odd: bool,
+) -> Modes:
     """Return the modes in the plane, or the `odd` ones out of it."""
     stage = asked.stage
     carried = bodies.carried_out_of_plane if odd else bodies.carried

@@ -7,9 +7,9 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.paper.designs import envelope, lower
+from flexfem.paper.designs import design_arrays, envelope
 from flexfem.paper.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.paper.stage import HINGE_NAMES, Stage
 from flexfem.paper.stage_file import Plane
@@ -68,7 +68,7 @@ def of_result(stage: Stage, model: AnalyticResult) -> Warnings:
 
 def of_numbers(stage: Stage) -> Warnings:
     """Warn of numbers of a stage file that are possible, but probably in another unit."""
-    design = lower(stage)
+    design = design_arrays(stage)
     across = float(envelope(design)[0])
     neck = float(np.min(design.neck))
     doubts = implausible("stage", stage.material, stage.thickness, across, neck)
@@ -77,7 +77,11 @@ def of_numbers(stage: Stage) -> Warnings:
     return doubts
 
 
-def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
+def of_motion(
+    stage: Stage,
+    pose: Array,
+    where: str,
+) -> Warnings:
     """Warn of a platform displacement (3,), mm, mm, rad, outside the range of the linear solution."""
     shortest = min(stage.chain.link_lengths)
     translation = float(np.max(np.abs(pose[:2])))
@@ -95,7 +99,7 @@ def of_formula(stage: Stage, formula: str) -> Warnings:
     """Warn of hinges outside the range of a hinge formula; those outside in all chains are named
     once.
     """
-    design = lower(stage)
+    design = design_arrays(stage)
     outside = ~in_range(design, formula)[0]
     if not np.any(outside):
         return []
@@ -149,8 +153,12 @@ def _nearly_straight(stage: Stage) -> str:
     return f", because the hinges of each chain are nearly in line (elbow {bend:.3g} deg)"
 
 
-@once
-def _refined(stage: Stage, formula: str, mobility: int) -> tuple[Array, ...]:
+@memoized
+def _refined(
+    stage: Stage,
+    formula: str,
+    mobility: int,
+) -> tuple[Array, ...]:
     """Return the compliance diagonals (3,) of models above a mobility: axial freedoms, shear,
     elastic links.
     """
@@ -176,7 +184,7 @@ def of_thickness(stage: Stage) -> Warnings:
     ]
 
 
-@once
+@memoized
 def stiffer_by_thickness(stage: Stage) -> Array | None:
     """Return the change (3,) of the platform stiffness from the plane model to three-dimensional
     hinges, per cent.
@@ -205,7 +213,11 @@ def stress_above(
     return (STRESS_ABOVE if links else RIGID_ABOVE).get(formula)
 
 
-def stress_accuracy(formula: str, links: bool = True, plane: Plane = "plane_stress") -> str:
+def stress_accuracy(
+    formula: str,
+    links: bool = True,
+    plane: Plane = "plane_stress",
+) -> str:
     """Describe the error of the analytic neck stress relative to finite elements."""
     excess = stress_above(formula, links, plane)
     solid = plane == "corrected"
@@ -229,7 +241,11 @@ def stress_accuracy(formula: str, links: bool = True, plane: Plane = "plane_stre
     )
 
 
-def driven_accuracy(formula: str, links: bool, plane: Plane) -> str:
+def driven_accuracy(
+    formula: str,
+    links: bool,
+    plane: Plane,
+) -> str:
     """Describe the errors of analytic neck stress and yield limits of driven stages relative to
     finite elements.
 

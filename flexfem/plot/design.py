@@ -128,7 +128,12 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
     if best:
         met = "best design that meets all requirements"
         final = "final design by finite elements"
-        ax.step(*np.array(best, dtype=float).T, where="post", color=COLOURS[0], label=met)
+        ax.step(
+            *np.array(best, dtype=float).T,
+            where="post",
+            color=COLOURS[0],
+            label=met,
+        )
         ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label=final)
         ax.set_ylabel(wrapped(goal.label_with_unit(), 3.2, 9.0))
         sign, word = (1.0, "drop") if goal.better == "larger" else (-1.0, "rise")
@@ -147,7 +152,11 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
                     va="center",
                     arrowprops=arrow,
                 )
-        ax.legend(loc="center right", framealpha=0.8, edgecolor="none")
+        ax.legend(
+            loc="center right",
+            framealpha=0.8,
+            edgecolor="none",
+        )
     else:
         missed = [(step.evaluations, 100 * step.missed) for step in found.history]
         ax.step(*np.array(missed).T, where="post", color=COLOURS[1])
@@ -173,8 +182,19 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
     values, predicted = np.array(
         [(point.values, point.predicted) for point in found.front]
     ).swapaxes(0, 1)
-    ax.plot(*values.T, color=COLOURS[0], linewidth=1.2, label="by finite elements")
-    ax.plot(*predicted.T, "+", color=INK, markersize=9, label="corrected model")
+    ax.plot(
+        *values.T,
+        color=COLOURS[0],
+        linewidth=1.2,
+        label="by finite elements",
+    )
+    ax.plot(
+        *predicted.T,
+        "+",
+        color=INK,
+        markersize=9,
+        label="corrected model",
+    )
     for number, (value, point) in enumerate(zip(values, found.front, strict=True), 1):
         style.ring(ax, value, str(number), INK if point.met else COLOURS[1])
     ax.plot(
@@ -191,7 +211,11 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
     ax.set(xlabel=wrapped(first, 3.0, 9.5), ylabel=wrapped(second, 3.2, 9.5))
     ax.margins(0.1)
     ax.grid()
-    ax.legend(loc="best", framealpha=1.0, edgecolor="none")
+    ax.legend(
+        loc="best",
+        framealpha=1.0,
+        edgecolor="none",
+    )
     return ax
 
 
@@ -241,7 +265,11 @@ def sensitivity_figure(found: Designed) -> Figure:
     return figure
 
 
-def plot_sensitivity(ax: Axes | None, found: Designed, name: str | None = None) -> Axes:
+def plot_sensitivity(
+    ax: Axes | None,
+    found: Designed,
+    name: str | None = None,
+) -> Axes:
     """Draw the change of a quantity, in per cent, for 1 % of each dimension; return `ax`, or new
     axes.
 
@@ -258,7 +286,13 @@ def plot_sensitivity(ax: Axes | None, found: Designed, name: str | None = None) 
     texts = [
         "not known" if x is None else ("+" if x > 0 else "") + significant(x, 2) for x in values
     ]
-    ax.bar_label(bars, texts, padding=4, size=8.5, color=INK)
+    ax.bar_label(
+        bars,
+        texts,
+        padding=4,
+        size=8.5,
+        color=INK,
+    )
     style.name_rows(ax, list(found.design), 2.0)
     reach = 1.55 * float(np.max(np.abs(lengths), initial=0.0)) or 1.0  # with room for the numbers
     ax.set(xlim=(-reach, reach), xlabel="change (%) per 1 %")

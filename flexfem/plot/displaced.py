@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.plot import style
 from flexfem.plot.drawing import fit
 from flexfem.plot.fields import VISIBLE, draw_field, draw_scale, exaggeration
@@ -116,8 +116,8 @@ def gravity_figure(found: MechanismGravity) -> Figure:
     ]
     title.append(f"highest hinge stress {found.texts('stress', model=model)[0]}")
     lines = [
-        f"Upright plate, gravity {minus(found.settings['gravity'])} from X; numbers: {model}. Shape: "
-        f"plane finite elements. {CONVENTION}"
+        f"Upright plate, gravity {minus(found.settings['gravity'])} from X; numbers: {model}. "
+        f"Shape: plane finite elements. {CONVENTION}"
     ]
     return _drawn(found, "displacement by weight", lines, [Shape(title, field)])
 
@@ -194,13 +194,22 @@ def _drawn(
     return figure
 
 
-def _factor(mesh: StageMesh, shape: Shape, signs: tuple[float, ...]) -> float:
+def _factor(
+    mesh: PlaneMesh,
+    shape: Shape,
+    signs: tuple[float, ...],
+) -> float:
     """Return the exaggeration of a shape."""
     plane = Fields(mesh.nodes, mesh.triangles, mesh.bodies, shape.field, shape.field[:, 0])
     return exaggeration(plane, signs=signs)
 
 
-def _title(shape: Shape, factor: float, signs: tuple[float, ...], width: float) -> str:
+def _title(
+    shape: Shape,
+    factor: float,
+    signs: tuple[float, ...],
+    width: float,
+) -> str:
     """Return the title of a panel; the factor of a mode, whose size is arbitrary, is left out."""
     lines = [*shape.title]
     if signs != BOTH_SENSES:

@@ -37,7 +37,12 @@ def arrow(
     **shape: Any,
 ) -> None:
     """Draw a thin arrow from `tail` to `head`, in data coordinates."""
-    look: dict[str, Any] = {"mutation_scale": 9.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0}
+    look: dict[str, Any] = {
+        "mutation_scale": 9.0,
+        "shrinkA": 0.0,
+        "shrinkB": 0.0,
+        "zorder": 6.0,
+    }
     look |= shape
     start = (tail[0], tail[1])
     end = (head[0], head[1])
@@ -86,7 +91,11 @@ def place_label(
     return np.array(xy(place))
 
 
-def _half_size(axes: Axes, text: str, points: float) -> Array:
+def _half_size(
+    axes: Axes,
+    text: str,
+    points: float,
+) -> Array:
     """Return half the width and half the height of a text in data coordinates, by its letters."""
     lines = text.replace(r"\varphi", "m").replace("$", "").split("\n")
     spans = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)
@@ -96,7 +105,11 @@ def _half_size(axes: Axes, text: str, points: float) -> Array:
     return np.asarray(points / 144 * inch * np.array([letters, LINE_HEIGHT * len(lines)]))
 
 
-def frame_cross(axes: Axes, length: float, at: complex = 0j) -> None:
+def frame_cross(
+    axes: Axes,
+    length: float,
+    at: complex = 0j,
+) -> None:
     """Draw the X and Y axes of the platform or output at a point."""
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
     look |= {"color": NOTE_COLOUR, "size": 9.0, "zorder": 8}
@@ -107,7 +120,11 @@ def frame_cross(axes: Axes, length: float, at: complex = 0j) -> None:
         axes.annotate(name, tip, offset, **look)
 
 
-def fit(axes: Axes, points: Array, room: float = 0.1) -> float:
+def fit(
+    axes: Axes,
+    points: Array,
+    room: float = 0.1,
+) -> float:
     """Set equal scales with room for labels around points (n, 2); return their largest extent."""
     low = points.min(axis=0)
     high = points.max(axis=0)
@@ -139,13 +156,31 @@ def scale_bar(ax: Axes) -> None:
     _draw_bar(ax, np.array([low + 0.02 * (high - low), bottom]), 0.25 * (high - low))
 
 
-def _draw_bar(ax: Axes, at: Array, longest: float, note: str = "") -> None:
+def _draw_bar(
+    ax: Axes,
+    at: Array,
+    longest: float,
+    note: str = "",
+) -> None:
     length = round_factor(longest)
     ends = [at[0], at[0] + length]
-    ax.plot(ends, [at[1], at[1]], color=INK, linewidth=2.5, solid_capstyle="butt")
+    ax.plot(
+        ends,
+        [at[1], at[1]],
+        color=INK,
+        linewidth=2.5,
+        solid_capstyle="butt",
+    )
     text = f"{length:g}{SPACE}{LENGTH}{note}"
     x = at[0] + length + 0.05 * longest
-    ax.text(x, at[1], text, size=7.5, va="center", in_layout=False)
+    ax.text(
+        x,
+        at[1],
+        text,
+        size=7.5,
+        va="center",
+        in_layout=False,
+    )
 
 
 def label_axes(ax: Axes) -> None:
@@ -158,7 +193,11 @@ def xy(z: complex) -> tuple[float, float]:
     return float(z.real), float(z.imag)
 
 
-def mark_clashes(ax: Axes, refusal: BadInput | None, clashes: Sequence[Any]) -> None:
+def mark_clashes(
+    ax: Axes,
+    refusal: BadInput | None,
+    clashes: Sequence[Any],
+) -> None:
     """Draw polygons at fault in red, with the refusal, if any, as title."""
     if refusal is None:
         return

@@ -47,7 +47,11 @@ def mechanism_figure(result: MechanismErrors) -> Figure:
     return figure
 
 
-def plot_mechanism_errors(ax: Axes, result: MechanismErrors, commanded: Direction) -> Axes:
+def plot_mechanism_errors(
+    ax: Axes,
+    result: MechanismErrors,
+    commanded: Direction,
+) -> Axes:
     """Draw the errors along and across a command, a bar for every analytic model; return `ax`."""
     models = result.axes["model"]
     height = 0.8 / len(models)
@@ -60,7 +64,14 @@ def plot_mechanism_errors(ax: Axes, result: MechanismErrors, commanded: Directio
         ax.barh(rows, values, xerr=bands, ecolor=GREY, capsize=3, **bars)
         for row, value, band in zip(rows, values.tolist(), bands.tolist(), strict=True):
             text = f"  {minus(number(value, band))}"
-            ax.text(max(0.0, value) + band, row, text, va="center", color=INK, size=8)
+            ax.text(
+                max(0.0, value) + band,
+                row,
+                text,
+                va="center",
+                color=INK,
+                size=8,
+            )
         ends += [*(values - bands), *(values + bands)]
     style.name_rows(ax, [f"error in {NAMES[each]}" for each in DIRECTIONS], NAME_WIDTH)
     room = max(ends) - min(ends)
@@ -69,7 +80,11 @@ def plot_mechanism_errors(ax: Axes, result: MechanismErrors, commanded: Directio
     return ax
 
 
-def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
+def curve_style(
+    index: int,
+    curves: int,
+    points: int,
+) -> dict[str, Any]:
     """Return line and marker properties of a curve.
 
     Markers are staggered so that they do not hide each other.
@@ -117,7 +132,14 @@ def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:
         first_error = _plot_direction(ax, study, index, size)
         largest = max(largest, first_error)
     slope = 2 * largest * (size / size[0]) ** ORDER
-    ax.plot(size, slope, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}")
+    ax.plot(
+        size,
+        slope,
+        color=GREY,
+        linewidth=0.9,
+        dashes=(2, 2),
+        label=f"order {ORDER}",
+    )
     ax.set(xscale="log", yscale="log")
     ax.set(xlabel="triangle size / neck width", ylabel="relative error of the compliance")
     ax.set_xticks(size, [f"1/{n}" for n in study.resolutions])
@@ -128,7 +150,12 @@ def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:
     return ax
 
 
-def _plot_direction(ax: Axes, study: MeshConvergence, index: int, size: Any) -> float:
+def _plot_direction(
+    ax: Axes,
+    study: MeshConvergence,
+    index: int,
+    size: Any,
+) -> float:
     """Draw the errors of one diagonal compliance; return that on the coarsest mesh."""
     axis = DIRECTIONS[index]
     limit = abs(float(study.extrapolated[index]))

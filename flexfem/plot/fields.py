@@ -77,7 +77,11 @@ def plot_displacement(
     return ax
 
 
-def _draw_rigid(ax: Axes, fields: Fields, triangles: AnyArray) -> None:
+def _draw_rigid(
+    ax: Axes,
+    fields: Fields,
+    triangles: AnyArray,
+) -> None:
     """Draw triangles without stress in grey, at rest."""
     grey = ListedColormap([RIGID])
     _shade(ax, fields.nodes, triangles, 0 * fields.stress, 1, cmap=grey)

@@ -82,7 +82,11 @@ def merged(review: HingeReview, freedom: str) -> list[Coincident]:
     return groups
 
 
-def plot_formulas(ax: Axes, review: HingeReview, freedom: str) -> Axes:
+def plot_formulas(
+    ax: Axes,
+    review: HingeReview,
+    freedom: str,
+) -> Axes:
     """Draw the ratio of every formula to the finite elements in one freedom; return `ax`.
 
     A formula has the same line style in all three freedoms. Raises BadInput for an unknown freedom.
@@ -91,9 +95,28 @@ def plot_formulas(ax: Axes, review: HingeReview, freedom: str) -> Axes:
     x = review.ratio
     higher = getattr(review.higher, freedom)
     label = f"finite elements, H = h to {review.height:g}{SPACE}h\n1 to {np.max(higher):.2f}"
-    shade = ax.fill_between(x, 1.0, higher, color="#DADDE1", linewidth=0, zorder=1, label=label)
-    ax.plot(x, higher, color=GREY, linewidth=0.8, zorder=1.2)
-    ax.axhline(1.0, color=INK, linewidth=1.6, zorder=1.5)
+    shade = ax.fill_between(
+        x,
+        1.0,
+        higher,
+        color="#DADDE1",
+        linewidth=0,
+        zorder=1,
+        label=label,
+    )
+    ax.plot(
+        x,
+        higher,
+        color=GREY,
+        linewidth=0.8,
+        zorder=1.2,
+    )
+    ax.axhline(
+        1.0,
+        color=INK,
+        linewidth=1.6,
+        zorder=1.5,
+    )
     order = list(
         dict.fromkeys(group.names[0] for each in FREEDOMS for group in merged(review, each))
     )
@@ -114,19 +137,41 @@ def _require(freedom: str, known: Sequence[str]) -> None:
         raise BadInput(f"freedom {shown(freedom)}, expected one of {', '.join(known)}")
 
 
-def _set_axes(ax: Axes, x: Array, ticks: Sequence[float], low: float, high: float) -> None:
+def _set_axes(
+    ax: Axes,
+    x: Array,
+    ticks: Sequence[float],
+    low: float,
+    high: float,
+) -> None:
     """Set a logarithmic x axis with plain tick labels, and y limits around `low` to `high`."""
     room = 0.08 * (high - low)
-    ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(low - room, high + room))
+    ax.set(
+        xscale="log",
+        xlim=(x[0], x[-1]),
+        ylim=(low - room, high + room),
+    )
     ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.minorticks_off()
     ax.grid()
 
 
-def _draw_curve(axes: Axes, x: Array, group: Coincident, index: int) -> Line2D:
+def _draw_curve(
+    axes: Axes,
+    x: Array,
+    group: Coincident,
+    index: int,
+) -> Line2D:
     """Draw a curve: full with markers within its range, which two bars delimit, else pale."""
     colour = PALETTE[index % len(PALETTE)]
-    axes.plot(x, group.ratios, color=colour, linewidth=1.0, alpha=0.45, zorder=2 + index / 100)
+    axes.plot(
+        x,
+        group.ratios,
+        color=colour,
+        linewidth=1.0,
+        alpha=0.45,
+        zorder=2 + index / 100,
+    )
     low = max(group.first.valid[0], x[0])
     high = min(group.first.valid[1], x[-1])
     at = np.concatenate([[low], x[(x > low) & (x < high)], [high]])
@@ -169,7 +214,11 @@ def thickness_figure(review: ThicknessReview) -> Figure:
     return figure
 
 
-def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
+def plot_thickness(
+    ax: Axes,
+    review: ThicknessReview,
+    freedom: str,
+) -> Axes:
     """Draw the thickness factor of rotation or the axial freedom over b/t; return `ax`.
 
     Raises BadInput for another freedom.
@@ -191,9 +240,19 @@ def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
     return ax
 
 
-def _draw_limit(ax: Axes, value: float, name: str, shift: float) -> None:
+def _draw_limit(
+    ax: Axes,
+    value: float,
+    name: str,
+    shift: float,
+) -> None:
     """Draw a line at a limit, with its name at a vertical distance in points."""
-    ax.axhline(value, color=INK, linewidth=1.4, zorder=1.5)
+    ax.axhline(
+        value,
+        color=INK,
+        linewidth=1.4,
+        zorder=1.5,
+    )
     place: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
     ax.annotate(name, (0.985, value), (0, shift), ha="right", size=8.5, color=GREY, **place)
 
@@ -222,21 +281,49 @@ def plot_hinge(ax: Axes) -> Axes:
     )
     for x, y, name, colour in labels:
         write(ax, (x, y), name, colour, 13, parse_math=True)
-    ax.set(xlim=(-5.0, 5.0), ylim=(-1.5, 1.5), aspect="equal")
+    ax.set(
+        xlim=(-5.0, 5.0),
+        ylim=(-1.5, 1.5),
+        aspect="equal",
+    )
     ax.set_axis_off()
     return ax
 
 
-def _draw_outline(ax: Axes, top: float, right: float) -> None:
+def _draw_outline(
+    ax: Axes,
+    top: float,
+    right: float,
+) -> None:
     """Draw a full notch between two blocks, its axis, and the centre of one arc."""
     angle = np.linspace(0, np.pi, 91)
     notch = np.column_stack([-np.cos(angle), -top + np.sin(angle)])
     below = [[-right, -top]]
     end = [[right, -top], [right, top]]
     outline = np.concatenate([below, notch, end, -notch, [[-right, top]]])
-    ax.fill(*outline.T, facecolor="#DDE3EA", edgecolor=INK, linewidth=1.4, zorder=3)
+    ax.fill(
+        *outline.T,
+        facecolor="#DDE3EA",
+        edgecolor=INK,
+        linewidth=1.4,
+        zorder=3,
+    )
     dashes = (0, (9, 2, 1.5, 2))
     ends = [-right - 0.3, right + 1.2]
-    ax.plot(ends, [0, 0], color=INK, linewidth=0.7, linestyle=dashes, zorder=4)
-    ax.plot(0.0, -top, "+", color=INK, markersize=9, zorder=5)
+    ax.plot(
+        ends,
+        [0, 0],
+        color=INK,
+        linewidth=0.7,
+        linestyle=dashes,
+        zorder=4,
+    )
+    ax.plot(
+        0.0,
+        -top,
+        "+",
+        color=INK,
+        markersize=9,
+        zorder=5,
+    )
     ax.hlines([-top, top], -right - 0.6, -right - 0.1, color=GREY, linewidth=0.7)

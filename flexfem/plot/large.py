@@ -53,7 +53,11 @@ def along_of(found: Large) -> Direction:
     return DIRECTIONS[int(np.argmax(scaled))]
 
 
-def plot_force(ax: Axes, found: Large, direction: Direction) -> Axes:
+def plot_force(
+    ax: Axes,
+    found: Large,
+    direction: Direction,
+) -> Axes:
     """Draw the force along a direction over the displacement, with the events; return `ax`."""
     for theory in found.axes["theory"]:
         moved, force = _at_shares(found, theory, direction)
@@ -64,7 +68,14 @@ def plot_force(ax: Axes, found: Large, direction: Direction) -> Axes:
             pull = found.at("curve_force", theory=theory, direction=direction)
             ax.plot(curve, pull, label=theory, **look)
             _mark_end(ax, curve, pull, moved, look["color"])
-            ax.errorbar(moved[1:], force[1:], bands, fmt=".", color=look["color"], capsize=2.5)
+            ax.errorbar(
+                moved[1:],
+                force[1:],
+                bands,
+                fmt=".",
+                color=look["color"],
+                capsize=2.5,
+            )
         else:
             ax.plot(moved, force, label=theory, **look)
     if "event_pose" in found.values:
@@ -73,7 +84,11 @@ def plot_force(ax: Axes, found: Large, direction: Direction) -> Axes:
     return ax
 
 
-def plot_tangent(ax: Axes, found: Large, direction: Direction) -> Axes:
+def plot_tangent(
+    ax: Axes,
+    found: Large,
+    direction: Direction,
+) -> Axes:
     """Draw the tangent stiffness along a direction over the displacement; return `ax`."""
     for theory in found.axes["theory"]:
         moved, _ = _at_shares(found, theory, direction)
@@ -88,7 +103,11 @@ def plot_tangent(ax: Axes, found: Large, direction: Direction) -> Axes:
     return ax
 
 
-def _at_shares(found: Large, theory: str, direction: Direction) -> tuple[Array, Array]:
+def _at_shares(
+    found: Large,
+    theory: str,
+    direction: Direction,
+) -> tuple[Array, Array]:
     """Return displacements and forces at rest and at the shares of the load or displacement."""
     moved = found.at("pose", theory=theory, direction=direction)
     if "driving" in found.values:
@@ -98,7 +117,12 @@ def _at_shares(found: Large, theory: str, direction: Direction) -> tuple[Array, 
     return np.append(0.0, moved), np.append(0.0, force)
 
 
-def _bands(found: Large, quantity: str, theory: str, direction: Direction) -> Array | None:
+def _bands(
+    found: Large,
+    quantity: str,
+    theory: str,
+    direction: Direction,
+) -> Array | None:
     """Return the bands at the shares; None where none are known."""
     if quantity not in found.bands:
         return None
@@ -106,15 +130,32 @@ def _bands(found: Large, quantity: str, theory: str, direction: Direction) -> Ar
     return bands if bands.any() else None
 
 
-def _mark_end(ax: Axes, moved: Array, force: Array, shares: Array, colour: str) -> None:
+def _mark_end(
+    ax: Axes,
+    moved: Array,
+    force: Array,
+    shares: Array,
+    colour: str,
+) -> None:
     """Mark the end of a curve that does not reach the whole displacement."""
     if np.isfinite(shares[-1]):
         return
     last = np.flatnonzero(np.isfinite(moved))[-1]
-    ax.plot(moved[last], force[last], "X", color=colour, markersize=8, label="end of the curve")
+    ax.plot(
+        moved[last],
+        force[last],
+        "X",
+        color=colour,
+        markersize=8,
+        label="end of the curve",
+    )
 
 
-def _mark_events(ax: Axes, found: Large, direction: Direction) -> None:
+def _mark_events(
+    ax: Axes,
+    found: Large,
+    direction: Direction,
+) -> None:
     """Mark limit points and other events by numbers, which the legend explains."""
     for number, event in enumerate(found.axes["event"], start=1):
         moved = found.at("event_pose", event=event, direction=direction)
@@ -125,7 +166,11 @@ def _mark_events(ax: Axes, found: Large, direction: Direction) -> None:
         ax.plot([], [], linestyle="none", label=f"{number}: {event}")
 
 
-def _label(ax: Axes, direction: Direction, text: str) -> None:
+def _label(
+    ax: Axes,
+    direction: Direction,
+    text: str,
+) -> None:
     """Label the axes; the displacement is in the unit of the result."""
     unit = UNITS["rad" if direction == "theta" else "mm"]
     ax.set_xlabel(f"displacement of the output in {NAMES[direction]} ({unit})")

@@ -23,8 +23,18 @@ REVERSAL = 0.5  # cycles; shorter lives are drawn at it
 LEFT_EDGE = 1e2  # cycles
 HINGE_MARKERS = ("s", "o", "^")  # by place in a chain
 MODEL_LOOKS: dict[str, dict[str, Any]] = {
-    ANALYTIC: {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4},
-    ELASTIC: {"color": COLOURS[0], "markerfacecolor": "none", "markersize": 6.5, "zorder": 3.5},
+    ANALYTIC: {
+        "markerfacecolor": "none",
+        "markeredgecolor": INK,
+        "markersize": 9.0,
+        "zorder": 4,
+    },
+    ELASTIC: {
+        "color": COLOURS[0],
+        "markerfacecolor": "none",
+        "markersize": 6.5,
+        "zorder": 3.5,
+    },
     ELEMENTS: {"color": COLOURS[2], "markersize": 5.5, "zorder": 3},
 }
 
@@ -72,7 +82,11 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     label = "cycles to failure"
     if beyond:
         label += f"; {beyond} of {lives.size} points beyond {scientific(LONGEST_LIFE)}, not drawn"
-    ax.set(xscale="log", yscale="log", xlabel=label)
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlabel=label,
+    )
     ax.xaxis.set_major_formatter(lambda value, _: scientific(value).removeprefix("1×"))
     style.log_ticks(ax.yaxis, ax.get_ylim())
     ax.set_ylabel(f"equivalent fully reversed stress amplitude ({STRESS})")
@@ -81,7 +95,11 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     return ax
 
 
-def _plot_law(ax: Axes, found: Life, lives: Array) -> None:
+def _plot_law(
+    ax: Axes,
+    found: Life,
+    lives: Array,
+) -> None:
     """Draw the law with its range, the yield strength and the required life; set the x range."""
     law = found.law
     low, high = law.range
@@ -89,7 +107,13 @@ def _plot_law(ax: Axes, found: Life, lives: Array) -> None:
     right = 10.0 * max(high, target, float(np.max(lives)))
     left = min(LEFT_EDGE, low / 3.0, 0.3 * float(np.min(lives)))
     label = "range of the fit" if law.range_stated else "range of the fit, assumed"
-    ax.axvspan(low, high, color=PALE, linewidth=0, label=label)
+    ax.axvspan(
+        low,
+        high,
+        color=PALE,
+        linewidth=0,
+        label=label,
+    )
     parts = (
         (left, low, "--", "extrapolated"),
         (low, high, "-", "Basquin's law"),
@@ -97,7 +121,14 @@ def _plot_law(ax: Axes, found: Life, lives: Array) -> None:
     )
     for start, end, dashes, label in parts:
         N = np.geomspace(start, end, 50)
-        ax.plot(N, law.amplitude(N), dashes, color=INK, linewidth=1.6, label=label)
+        ax.plot(
+            N,
+            law.amplitude(N),
+            dashes,
+            color=INK,
+            linewidth=1.6,
+            label=label,
+        )
     dotted: dict[str, Any] = {"color": COLOURS[1], "linestyle": (0, (1, 1.5)), "linewidth": 1.6}
     ax.axhline(found.yield_strength, label="yield strength", **dotted)
     dashed: dict[str, Any] = {"color": GREY, "linestyle": (0, (6, 2, 1, 2)), "linewidth": 1.1}
@@ -105,7 +136,13 @@ def _plot_law(ax: Axes, found: Life, lives: Array) -> None:
     ax.set_xlim(left, right)
 
 
-def _plot_model(ax: Axes, found: Life, model: str, lives: Array, stresses: Array) -> None:
+def _plot_model(
+    ax: Axes,
+    found: Life,
+    model: str,
+    lives: Array,
+    stresses: Array,
+) -> None:
     """Draw the hinges by a model at their lives and stresses, MPa, each kind with its marker."""
     if "chain" not in found.axes:
         _plot_hinges(ax, model, lives, stresses, "o", f"hinges, {model}")

@@ -38,7 +38,12 @@ def draw_boundary(
     axes.add_collection(PathCollection([path], **look, zorder=zorder), autolim=False)
 
 
-def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> None:
+def draw_mesh(
+    axes: Axes,
+    nodes: Array,
+    triangles: AnyArray,
+    width: float,
+) -> None:
     """Draw filled triangles (m, 6), and their boundary as a thicker line."""
     look: dict[str, Any] = {"facecolors": PALE, "edgecolors": MESH_COLOUR, "linewidths": width}
     outlines = list(nodes[triangles[:, [0, 3, 1, 4, 2, 5]]])

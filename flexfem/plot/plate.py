@@ -143,7 +143,11 @@ def _labelled_points(layout: Layout, spans: Sequence[Span]) -> Iterator[complex]
         yield output.point + CROSS * (1 + 1j) * extent(plate_polygon(layout))
 
 
-def draw_plate(ax: Axes, plate: Mechanism, layout: Layout | None = None) -> Array:
+def draw_plate(
+    ax: Axes,
+    plate: Mechanism,
+    layout: Layout | None = None,
+) -> Array:
     """Draw bodies, ground, hinges, clamped edges and rigid discs without names.
 
     Returns points (n, 2) of the outline, mm. Raises BadInput when the parts cannot be drawn.
@@ -156,11 +160,24 @@ def draw_plate(ax: Axes, plate: Mechanism, layout: Layout | None = None) -> Arra
     for disc in plate.drawing_facts.discs:
         _draw_disc(ax, disc)
     shape = plate_polygon(layout)
-    ax.add_patch(PathPatch(_path(shape), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
+    ax.add_patch(
+        PathPatch(
+            _path(shape),
+            facecolor="none",
+            edgecolor=INK,
+            linewidth=0.8,
+            zorder=3,
+        )
+    )
     return np.asarray(shapely.get_coordinates(shape))
 
 
-def _draw_body(ax: Axes, layout: Layout, number: int, body: Body) -> None:
+def _draw_body(
+    ax: Axes,
+    layout: Layout,
+    number: int,
+    body: Body,
+) -> None:
     """Draw a body, hatched if it is fixed or has another material, with its clamped edges."""
     polygon = body_polygon(layout, number, refuse=False)
     if body.fixed:
@@ -168,22 +185,41 @@ def _draw_body(ax: Axes, layout: Layout, number: int, body: Body) -> None:
     else:
         _fill(ax, polygon, PALE, OTHER_MATERIAL if body.material else "")
     lines = [[xy(z) for z in body.outline[k].at(ALONG_EDGE).tolist()] for k in body.clamped]
-    edges = LineCollection(lines, colors=INK, linewidths=2.8, zorder=4)
+    edges = LineCollection(
+        lines,
+        colors=INK,
+        linewidths=2.8,
+        zorder=4,
+    )
     ax.add_collection(edges, autolim=False)
 
 
 def _draw_disc(ax: Axes, disc: Disc) -> None:
-    look: dict[str, Any] = {"facecolor": HUB, "edgecolor": INK, "linewidth": 0.6, "zorder": 2.5}
+    look: dict[str, Any] = {
+        "facecolor": HUB,
+        "edgecolor": INK,
+        "linewidth": 0.6,
+        "zorder": 2.5,
+    }
     ax.add_patch(Circle(xy(disc.centre), disc.radius, **look))
 
 
-def _draw_spans(ax: Axes, spans: Sequence[Span], obstacles: list[Any]) -> None:
+def _draw_spans(
+    ax: Axes,
+    spans: Sequence[Span],
+    obstacles: list[Any],
+) -> None:
     """Draw dimension lines with their texts; append what labels must avoid."""
     for span in spans:
         start, end = span.line
         arrow(ax, xy(start), xy(end), "<|-|>", DIMENSION, 0.8)
         for line in ((span.start, start), (span.end, end)):
-            ax.plot(*np.transpose([xy(z) for z in line]), color=DIMENSION, linewidth=0.5, zorder=6)
+            ax.plot(
+                *np.transpose([xy(z) for z in line]),
+                color=DIMENSION,
+                linewidth=0.5,
+                zorder=6,
+            )
         middle = xy((start + end) / 2)
         turn = float(np.rad2deg(np.angle(end - start)))
         write(ax, middle, span.text, DIMENSION, 8.0, rotation=turn, bbox=WHITE_BOX)
@@ -215,7 +251,12 @@ def _named(part: Body | Joint) -> str:
     return part.name if part.material is None else f"{part.name} ({part.material.name})"
 
 
-def _write_marks(ax: Axes, marks: Sequence[Mark], size: float, obstacles: list[Any]) -> None:
+def _write_marks(
+    ax: Axes,
+    marks: Sequence[Mark],
+    size: float,
+    obstacles: list[Any],
+) -> None:
     """Write labels clear of obstacles, with lines to their points; names of bodies are italic."""
     obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
     letters = 7.0 if len(marks) > MANY else 8.0
@@ -224,7 +265,12 @@ def _write_marks(ax: Axes, marks: Sequence[Mark], size: float, obstacles: list[A
         slant = "normal" if mark.body is None else "italic"
         near = place_label(ax, mark.at, mark.text, obstacles, 0.035 * size, style=slant, **look)
         if mark.body is None or not shapely.contains_xy(mark.body, *near):
-            ax.plot(*np.transpose([mark.at, near]), color=mark.colour, linewidth=0.5, zorder=6)
+            ax.plot(
+                *np.transpose([mark.at, near]),
+                color=mark.colour,
+                linewidth=0.5,
+                zorder=6,
+            )
 
 
 def _draw_recognised(ax: Axes, recognised: Recognised) -> None:
@@ -235,10 +281,22 @@ def _draw_recognised(ax: Axes, recognised: Recognised) -> None:
         _fill(ax, polygon, NOTE_COLOUR, zorder=3.1)
 
 
-def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> None:
+def _draw_ports(
+    ax: Axes,
+    layout: Layout,
+    size: float,
+    obstacles: list[Any],
+) -> None:
     """Draw hinge centres, points, actuators and payloads; append what labels must avoid."""
     for joint in layout.joints:
-        ax.plot(*xy(joint.place), "o", color=HINGE, markersize=4, markerfacecolor="white", zorder=5)
+        ax.plot(
+            *xy(joint.place),
+            "o",
+            color=HINGE,
+            markersize=4,
+            markerfacecolor="white",
+            zorder=5,
+        )
     for actuator in layout.actuators:
         _draw_actuator(ax, actuator, size, obstacles)
     for payload in layout.payloads:
@@ -253,7 +311,12 @@ def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> 
         obstacles.append(shapely.LineString(corner))
 
 
-def _draw_actuator(ax: Axes, actuator: LinearActuator, size: float, obstacles: list[Any]) -> None:
+def _draw_actuator(
+    ax: Axes,
+    actuator: LinearActuator,
+    size: float,
+    obstacles: list[Any],
+) -> None:
     """Draw an actuator as an arrow with two heads, and a wall where it stands on the ground."""
     near, far = (contact.point for contact in actuator.contacts)
     half = max(abs(far - near), 0.03 * size) / 2 * actuator.direction
@@ -263,19 +326,48 @@ def _draw_actuator(ax: Axes, actuator: LinearActuator, size: float, obstacles: l
         if contact.body < 0:  # on the ground outside the plate
             aside = 0.02j * size * actuator.direction
             wall = [xy(tip - aside), xy(tip + aside)]
-            ax.plot(*np.transpose(wall), color=INK, linewidth=2.8, zorder=6)
+            ax.plot(
+                *np.transpose(wall),
+                color=INK,
+                linewidth=2.8,
+                zorder=6,
+            )
     obstacles.append(shapely.LineString([xy(tip) for tip in tips]))
 
 
-def _draw_payload(ax: Axes, at: tuple[float, float], radius: float) -> None:
+def _draw_payload(
+    ax: Axes,
+    at: tuple[float, float],
+    radius: float,
+) -> None:
     """Draw the symbol of a centre of mass."""
-    ax.add_patch(Circle(at, radius, facecolor="white", edgecolor=MASS, linewidth=1.2, zorder=5))
+    ax.add_patch(
+        Circle(
+            at,
+            radius,
+            facecolor="white",
+            edgecolor=MASS,
+            linewidth=1.2,
+            zorder=5,
+        )
+    )
     for first in (0, 180):
         ax.add_patch(Wedge(at, radius, first, first + 90, facecolor=MASS, zorder=5.1))
 
 
-def _fill(ax: Axes, polygon: Any, colour: str, hatch: str = "", zorder: float = 1.5) -> None:
-    look: dict[str, Any] = {"edgecolor": HATCH, "hatch": hatch, "linewidth": 0.0, "zorder": zorder}
+def _fill(
+    ax: Axes,
+    polygon: Any,
+    colour: str,
+    hatch: str = "",
+    zorder: float = 1.5,
+) -> None:
+    look: dict[str, Any] = {
+        "edgecolor": HATCH,
+        "hatch": hatch,
+        "linewidth": 0.0,
+        "zorder": zorder,
+    }
     ax.add_patch(PathPatch(_path(polygon), facecolor=colour, **look))
 
 
@@ -322,11 +414,20 @@ def drawing_figure(
     if small:
         labels = len([*_marks(drawn)]) if facts.named else 0
     size = _size_of_page(drawn, labels)
-    plot = partial(plot_plate, plate=plate, layout=layout, recognised=recognised)
+    plot = partial(
+        plot_plate,
+        plate=plate,
+        layout=layout,
+        recognised=recognised,
+    )
     return page(size, f"{plate.name}: drawing", lines, plot, plate)
 
 
-def _meanings(layout: Layout, with_discs: bool, recognised: Recognised | None) -> list[str]:
+def _meanings(
+    layout: Layout,
+    with_discs: bool,
+    recognised: Recognised | None,
+) -> list[str]:
     """Return the meanings of the marks that a drawing has."""
     marks = {
         "hatched: fixed": any(body.fixed for body in layout.bodies),

@@ -121,7 +121,14 @@ def plot_map(ax: Axes, shown: records.StudyMap) -> Axes:
     if shown.base is not None and all(
         low <= at <= high for at, (low, high) in zip(shown.base, ends, strict=True)
     ):
-        ax.plot(*shown.base, "+", color="white", markersize=15, markeredgewidth=4.5, zorder=5)
+        ax.plot(
+            *shown.base,
+            "+",
+            color="white",
+            markersize=15,
+            markeredgewidth=4.5,
+            zorder=5,
+        )
         ax.plot(*shown.base, linestyle="none", zorder=6, **PLUS)
         entries.append(Line2D([], [], linestyle="none", label="base design", **PLUS))
     if np.isfinite(shown.cells.values).any():
@@ -159,7 +166,11 @@ def edges(ticks: Array, log: bool) -> Array:
     return np.asarray(np.exp(ends) if log else ends)
 
 
-def _draw_grid(axes: Axes, shown: records.StudyMap, colours: dict[str, Any]) -> list[Any]:
+def _draw_grid(
+    axes: Axes,
+    shown: records.StudyMap,
+    colours: dict[str, Any],
+) -> list[Any]:
     """Draw a map as cells; return entries of the legend."""
     (xs, column), (ys, row) = (np.unique(v, return_inverse=True) for v in shown.cells.points.T)
     x_edges = edges(xs, shown.x.log)
@@ -186,13 +197,22 @@ def _draw_grid(axes: Axes, shown: records.StudyMap, colours: dict[str, Any]) -> 
     return entries
 
 
-def _draw_dots(axes: Axes, shown: records.StudyMap, colours: dict[str, Any]) -> list[Any]:
+def _draw_dots(
+    axes: Axes,
+    shown: records.StudyMap,
+    colours: dict[str, Any],
+) -> list[Any]:
     """Draw a map as one dot per design; return entries of the legend."""
     points, values, missing, *_ = shown.cells
     known = np.isfinite(values)
     many = len(values) > VECTOR_DOTS
     size = float(np.clip(4e4 / max(len(values), 1), 1.5, 30.0))
-    look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": True, "zorder": 2}
+    look: dict[str, Any] = {
+        "s": size,
+        "linewidths": 0,
+        "rasterized": True,
+        "zorder": 2,
+    }
     axes.scatter(points[known, 0], points[known, 1], c=values[known], **look, **colours)
     entries = []
     for mark, (reason, mask) in zip("x+123", missing.items(), strict=False):
@@ -206,7 +226,16 @@ def _draw_dots(axes: Axes, shown: records.StudyMap, colours: dict[str, Any]) -> 
             zorder=1,
         )
         label = f"{reason}: {thousands(int(mask.sum()))}"
-        entries.append(Line2D([], [], color=GREY, linestyle="none", marker=mark, label=label))
+        entries.append(
+            Line2D(
+                [],
+                [],
+                color=GREY,
+                linestyle="none",
+                marker=mark,
+                label=label,
+            )
+        )
     return entries
 
 
@@ -225,7 +254,13 @@ def _draw_contours(
     thin = [level for level in levels(norm, shown.marks) if low < level < high]
     for where, width in ((thin, 0.7), (heavy, 2.2)):
         if where:
-            lines = axes.contour(*grid, levels=where, colors=INK, linewidths=width, zorder=3)
+            lines = axes.contour(
+                *grid,
+                levels=where,
+                colors=INK,
+                linewidths=width,
+                zorder=3,
+            )
             for label in axes.clabel(
                 lines, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit
             ):
@@ -239,7 +274,15 @@ def _draw_contours(
                 )
     if heavy:
         marks = minus(", ".join(f"{mark:g}{unit}" for mark in heavy))
-        entries.append(Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {marks}"))
+        entries.append(
+            Line2D(
+                [],
+                [],
+                color=INK,
+                linewidth=2.2,
+                label=f"contours of {marks}",
+            )
+        )
 
 
 def levels(norm: Normalize, marks: Sequence[float]) -> Array:
@@ -251,7 +294,11 @@ def levels(norm: Normalize, marks: Sequence[float]) -> Array:
     return np.setdiff1d(np.asarray(locator.tick_values(norm.vmin, norm.vmax)), marks)
 
 
-def _draw_bar(axes: Axes, mappable: Any, shown: records.StudyMap) -> None:
+def _draw_bar(
+    axes: Axes,
+    mappable: Any,
+    shown: records.StudyMap,
+) -> None:
     """Draw the colour bar with the marks."""
     axes.figure.colorbar(mappable, cax=axes).set_label(
         style.wrapped(shown.value.label, LABEL_WIDTH, 9.5)
@@ -301,7 +348,12 @@ def plot_front(ax: Axes, shown: records.ParetoFront) -> Axes:
     )
     size = 1.6 if n > VECTOR_DOTS else 2.8
     alpha = float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
-    look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0, "color": GREY, "marker": "o"}
+    look: dict[str, Any] = {
+        "linestyle": "none",
+        "markeredgewidth": 0,
+        "color": GREY,
+        "marker": "o",
+    }
     ax.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=n > VECTOR_DOTS, zorder=1)
     if len(shown.undrawable):
         name = f"{thousands(len(shown.undrawable))} off the front cannot be drawn"
@@ -356,8 +408,20 @@ def plot_histogram(ax: Axes, scatter: records.Scatter) -> Axes:
     quantity = scatter.quantity._replace(log=scatter.quantity.log and bool(values.min() > 0))
     counts, borders = histogram(np.log10(values) if quantity.log else values)
     borders = 10.0**borders if quantity.log else borders
-    ax.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
-    ax.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
+    ax.stairs(
+        counts,
+        borders,
+        fill=True,
+        color=BAR_COLOUR,
+        zorder=1,
+    )
+    ax.stairs(
+        counts,
+        borders,
+        color=INK,
+        linewidth=0.6,
+        zorder=2,
+    )
     entries = list[Any]()
     for dash, percentile in zip(("dashed", "solid", "dashed"), scatter.percentiles, strict=True):
         if np.isfinite([percentile.low, percentile.high]).all():
@@ -365,7 +429,13 @@ def plot_histogram(ax: Axes, scatter: records.Scatter) -> Axes:
                 percentile.low, percentile.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5
             )
         entries.append(
-            ax.axvline(percentile.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3)
+            ax.axvline(
+                percentile.value,
+                color=INK,
+                linestyle=dash,
+                linewidth=1.5,
+                zorder=3,
+            )
         )
         entries[-1].set_label(_percentile_text(percentile, quantity.after))
     if scatter.nominal is not None:
@@ -377,7 +447,13 @@ def plot_histogram(ax: Axes, scatter: records.Scatter) -> Axes:
         entries[-1].set_label(
             f"base design: {significant(scatter.nominal, DIGITS)}{quantity.after}"
         )
-    style.legend_beside(ax, handles=entries, fontsize=8.5, handlelength=2.6, labelspacing=0.6)
+    style.legend_beside(
+        ax,
+        handles=entries,
+        fontsize=8.5,
+        handlelength=2.6,
+        labelspacing=0.6,
+    )
     ax.set(
         ylabel="designs",
         ylim=(0, 1.06 * max(float(counts.max()), 1.0)),
@@ -435,7 +511,11 @@ def sensitivity_figure(shown: records.Sensitivity) -> Figure:
     return figure
 
 
-def plot_shares(ax: Axes, share: records.Share, factors: Sequence[str]) -> Axes:
+def plot_shares(
+    ax: Axes,
+    share: records.Share,
+    factors: Sequence[str],
+) -> Axes:
     """Draw the Sobol indices of one value as bars with error bars, one row per factor; return `ax`."""
     rows = np.arange(float(len(share.first)))
     look: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.5, "zorder": 2}

@@ -120,7 +120,12 @@ def rendered(figure: Figure, form: str) -> bytes:
     buffer = io.BytesIO()
     with house_style(), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        figure.savefig(buffer, format=form, dpi=RESOLUTION[form], metadata={DATES[form]: None})
+        figure.savefig(
+            buffer,
+            format=form,
+            dpi=RESOLUTION[form],
+            metadata={DATES[form]: None},
+        )
     missing = set[str]()
     for each in caught:
         if found := re.match(MISSING, str(each.message)):
@@ -144,14 +149,23 @@ def drawn_box(figure: Figure) -> Array:
         return np.asarray(figure.get_tightbbox().get_points())
 
 
-def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str:
+def wrapped(
+    text: str,
+    width: float,
+    size: float,
+    weight: str = "normal",
+) -> str:
     """Return a text broken into lines of about `width` inches at a font size in points."""
     return textwrap.fill(
         text, max(int(72 * width / (LETTER[weight] * size)), 4), break_on_hyphens=False
     )
 
 
-def _width(text: str, size: float, weight: str) -> float:
+def _width(
+    text: str,
+    size: float,
+    weight: str,
+) -> float:
     """Width, in, of a text on one line."""
     figure = Figure()
     return float(
@@ -304,29 +318,53 @@ def fitted(
     return made, [0.14 * max(text.count("\n") + 1 for text in row) + 0.08 for row in made]
 
 
-def table(axes: Axes, rows: Sequence[Sequence[str]], widths: Sequence[float]) -> Axes:
+def table(
+    axes: Axes,
+    rows: Sequence[Sequence[str]],
+    widths: Sequence[float],
+) -> Axes:
     """Write a table, its head first, that fills a panel, with columns in proportion to some widths;
     return `axes`.
     """
     axes.set_axis_off()
     texts, heights = fitted(rows, widths)
     shares = [width / sum(widths) for width in widths]
-    made = axes.table(texts, colWidths=shares, cellLoc="left", edges="horizontal", bbox=Bbox.unit())
+    made = axes.table(
+        texts,
+        colWidths=shares,
+        cellLoc="left",
+        edges="horizontal",
+        bbox=Bbox.unit(),
+    )
     made.auto_set_font_size(False)
     for (row, column), cell in made.get_celld().items():
         cell.PAD = 0.06 / widths[column]
         cell.set(height=heights[row], linewidth=0.6)
-        cell.set_text_props(size=TABLE_SIZE, weight="normal" if row else "bold", linespacing=1.15)
+        cell.set_text_props(
+            size=TABLE_SIZE,
+            weight="normal" if row else "bold",
+            linespacing=1.15,
+        )
     return axes
 
 
-def name_rows(axes: Axes, names: Sequence[str], width: float, size: float = 8.5) -> None:
+def name_rows(
+    axes: Axes,
+    names: Sequence[str],
+    width: float,
+    size: float = 8.5,
+) -> None:
     """Label rows of bars, the first on top, with names wrapped to `width` inches, and draw a line
     at zero.
     """
     axes.set_yticks(range(len(names)), [wrapped(name, width, size) for name in names], size=size)
     axes.set_ylim(len(names) - 0.5, -0.5)
-    axes.axvline(0.0, color=GREY, linewidth=0.9, zorder=4)
+    axes.axvline(
+        0.0,
+        color=GREY,
+        linewidth=0.9,
+        zorder=4,
+    )
     axes.grid(axis="x")
 
 
@@ -337,7 +375,12 @@ def share_x(axes: Sequence[Axes]) -> None:
         ax.set_xlim(float(limits[:, 0].min()), float(limits[:, 1].max()))
 
 
-def ring(axes: Axes, at: Any, text: str, colour: str = INK) -> None:
+def ring(
+    axes: Axes,
+    at: Any,
+    text: str,
+    colour: str = INK,
+) -> None:
     """Mark a point by a letter or number in a circle."""
     axes.plot(
         *at,

@@ -13,7 +13,7 @@ from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, free_stiffness, inverse
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_checks import check_layout
@@ -49,10 +49,10 @@ class MechanismAsBuilt(Result):
     """
 
     title = "mechanism as built"
-    main = ("deviation", {"others": "free"})
+    main_result = ("deviation", {"others": "free"})
     labels: ClassVar = {"others": OTHERS}
     columns = ("component",)
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "others: the other two directions, held at zero, or free, as they are where one force "
         "moves the output",
     )
@@ -178,7 +178,12 @@ class Built(NamedTuple):
     notes: list[str]
 
 
-def compared(widths: Widths, plane: Stiffnesses, in_depth: ModelAnswer, redrawn: Redrawn) -> Built:
+def compared(
+    widths: Widths,
+    plane: Stiffnesses,
+    in_depth: ModelAnswer,
+    redrawn: Redrawn,
+) -> Built:
     """Return the stiffness as drawn and as made, and its scatter.
 
     in_depth : stiffness in three dimensions, which the scatter follows in proportion; or empty.
@@ -193,7 +198,11 @@ def compared(widths: Widths, plane: Stiffnesses, in_depth: ModelAnswer, redrawn:
     return Built({**values, **scatter.values}, scatter.notes)
 
 
-def _scatter(widths: Widths, redrawn: Redrawn, ratio: Array) -> Built:
+def _scatter(
+    widths: Widths,
+    redrawn: Redrawn,
+    ratio: Array,
+) -> Built:
     """Return the scatter of the stiffness by the uncertainty of the necks.
 
     ratio : (2 others held or free, 3), of the stiffness to that of `redrawn` without change.
@@ -247,7 +256,7 @@ def _in_depth(
             found[name] = inverse(response.compliance[:3, :3])
         return found
 
-    return plates.by_elements(mesh, by_mesh, progress)[SOLID]
+    return plates.element_values(mesh, by_mesh, progress)[SOLID]
 
 
 def _stiffness(layout: Layout, parts: ElasticParts) -> Array:
@@ -286,6 +295,6 @@ def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
         profile = joint.profile.with_neck(neck)
         joints.append(joint._replace(profile=profile, cut=max(joint.cut, profile.least_cut)))
     made = layout._replace(joints=tuple(joints))
-    with located(mechanism):
+    with naming_place(mechanism):
         check_layout(made)
     return made

@@ -22,7 +22,7 @@ from flexfem.refused import BadInput
 from flexfem.results import Progress
 from flexfem.units import DIRECTIONS, Direction
 
-COARSER = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)
+LEAST_RATIO = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)
 # theoretical order of the platform compliance with quadratic triangles: twice that of the strain
 ORDER = 4.0
 # twice Williams' displacement exponent at a clamped corner: 0.69 at nu = 0.33, 0.71 at 0.3
@@ -44,7 +44,11 @@ Verdict: TypeAlias = Literal["converging", "oscillatory", "divergent", "out of r
 Solution = TypeVar("Solution")
 
 
-def error_matrix(stiffness: Array, compliance: Array, lever: ArrayLike) -> Array:
+def error_matrix(
+    stiffness: Array,
+    compliance: Array,
+    lever: ArrayLike,
+) -> Array:
     """Return the errors (..., 3, 3), per cent of the command, of poses under predicted forces;
     column j: command j.
 
@@ -56,7 +60,11 @@ def error_matrix(stiffness: Array, compliance: Array, lever: ArrayLike) -> Array
     return np.asarray(100.0 * error * scale[..., :, None] / scale[..., None, :])
 
 
-def free_errors(model: Array, elements: Array, lever: float) -> Array:
+def free_errors(
+    model: Array,
+    elements: Array,
+    lever: float,
+) -> Array:
     """Return the errors (..., 3, 3), per cent of the command, of motions under single loads; column
     j: command j.
 
@@ -71,7 +79,11 @@ def free_errors(model: Array, elements: Array, lever: float) -> Array:
     return np.asarray(100.0 * (elements - model) / diagonal * scale[:, None] / scale)
 
 
-def amplification_errors(model: Array, elements: Array, lever: float) -> Array:
+def amplification_errors(
+    model: Array,
+    elements: Array,
+    lever: float,
+) -> Array:
     """Return the errors (...), per cent, of the output motions (..., 3) per opening of an actuator
     by a model.
 
@@ -82,7 +94,12 @@ def amplification_errors(model: Array, elements: Array, lever: float) -> Array:
     return np.asarray(100.0 * (along / whole - 1.0))
 
 
-def amplification_bands(model: Array, elements: Array, widths: Array, lever: float) -> Array:
+def amplification_bands(
+    model: Array,
+    elements: Array,
+    widths: Array,
+    lever: float,
+) -> Array:
     """Return the bands (...) of `amplification_errors` from those of the motions of finite elements
     (..., 3).
     """
@@ -103,7 +120,12 @@ def held(compliance: Array, lever: float) -> Array:
     return np.asarray(HELD * softness < np.max(softness))
 
 
-def percentages(error: Array, commanded: ArrayLike, direction: Direction, lever: float) -> Array:
+def percentages(
+    error: Array,
+    commanded: ArrayLike,
+    direction: Direction,
+    lever: float,
+) -> Array:
     """Return errors (..., 3), mm, mm, rad, in per cent of commands (...); the lever scales
     rotations to lengths.
     """
@@ -136,10 +158,10 @@ class Convergence(NamedTuple):
 
 def levels(resolution: int) -> tuple[int, int, int]:
     """Return three resolutions, coarse to fine, up to the given one (at least 4), with ratios of
-    `COARSER` or more.
+    `COARSE_MESHES` or more.
     """
-    middle = int(resolution / COARSER)
-    return int(middle / COARSER), middle, resolution
+    middle = int(resolution / LEAST_RATIO)
+    return int(middle / LEAST_RATIO), middle, resolution
 
 
 def grid_convergence(
@@ -178,7 +200,12 @@ def grid_convergence(
     return Convergence(values, verdict, order, observed, finest - remainder * e21, band)
 
 
-def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:
+def _observed_order(
+    e21: float,
+    e32: float,
+    r21: float,
+    r32: float,
+) -> float:
     """Return the observed order by fixed-point iteration, nan if there is none."""
     if e21 == 0 or e32 == 0:
         return float("nan")
@@ -197,16 +224,20 @@ def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:
 
 def refinements(resolutions: Sequence[int]) -> tuple[int, ...]:
     """Return resolutions of a convergence study. Raises BadInput unless three or more grow by
-    `COARSER` or more.
+    `COARSE_MESHES` or more.
     """
     steps = tuple(arguments.resolutions(resolutions))
-    if len(steps) < 3 or min(fine / coarse for coarse, fine in pairwise(steps)) < COARSER:
-        expected = f"three or more, each at least {COARSER:g} times the one before"
+    if len(steps) < 3 or min(fine / coarse for coarse, fine in pairwise(steps)) < LEAST_RATIO:
+        expected = f"three or more, each at least {LEAST_RATIO:g} times the one before"
         raise BadInput(f"resolutions {list(steps)}, expected {expected}")
     return steps
 
 
-def mesh_band(resolutions: Array, values: Array, round_off: float = ROUND_OFF) -> float:
+def mesh_band(
+    resolutions: Array,
+    values: Array,
+    round_off: float = ROUND_OFF,
+) -> float:
     """Return the half-width of the mesh uncertainty of the finest of two or three values, coarse to
     fine.
 
@@ -232,7 +263,12 @@ class RelativeError(NamedTuple):
     common: float
     spread: float
 
-    def of_readings(self, compliance: Array, force: Array, readings: Array) -> Array:
+    def of_readings(
+        self,
+        compliance: Array,
+        force: Array,
+        readings: Array,
+    ) -> Array:
         """Bound the change (k,) of readings (n, k) under a force (n,) of a compliance (n, n):
         `command_convergence`.
         """
@@ -251,7 +287,11 @@ def _to_finest(steps: Array, values: Array) -> Array:
     )
 
 
-def _relative_error(steps: Array, compliances: Array, loads: Array) -> RelativeError:
+def _relative_error(
+    steps: Array,
+    compliances: Array,
+    loads: Array,
+) -> RelativeError:
     """Return the error, in the energy norm over loads (n, k), of the last of three compliances
     (levels, n, n).
 
@@ -367,7 +407,11 @@ def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     return np.asarray(bands)
 
 
-def corner_bands(resolutions: Array, values: Array, order: float = CORNER_ORDER) -> Array:
+def corner_bands(
+    resolutions: Array,
+    values: Array,
+    order: float = CORNER_ORDER,
+) -> Array:
     """Return half-widths (...) of values (3 levels, ...) governed by corners of clamped edges:
     drift, drive ranges.
 

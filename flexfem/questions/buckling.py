@@ -28,7 +28,7 @@ from flexfem.questions.plates import (
     lifted_mesh_error,
 )
 from flexfem.questions.setup import MeshFields, ModelAnswer, Models
-from flexfem.results import ANALYTIC, COARSER, Progress, Quantity, Result
+from flexfem.results import ANALYTIC, COARSE_MESHES, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 MOST = 20  # factors
@@ -51,14 +51,16 @@ class Buckling(Result):
 
     title = "buckling"
     has_mesh_fields = True
-    main = ("factor", {})
+    main_result = ("factor", {})
     columns = ("model",)
-    reading = (AT_REST, BEAMS_ONLY)
-    factor = Quantity("load factor of buckling", "", ("factor", "model"), COARSER)
-    factor_out_of_plane = Quantity("load factor of buckling out of the plane", "", gate=COARSER)
+    footnotes = (AT_REST, BEAMS_ONLY)
+    factor = Quantity("load factor of buckling", "", ("factor", "model"), COARSE_MESHES)
+    factor_out_of_plane = Quantity(
+        "load factor of buckling out of the plane", "", gate=COARSE_MESHES
+    )
     load = Quantity("stated loads", "wrench", ("point", "direction"))
     critical = Quantity(
-        "loads at which it buckles first", "wrench", ("point", "direction"), COARSER, "wrench"
+        "loads at which it buckles first", "wrench", ("point", "direction"), COARSE_MESHES, "wrench"
     )
 
 
@@ -142,7 +144,11 @@ def buckling(
         shapes.append(_fields(model, found.shapes))
         return _all_of(found.factors, count)
 
-    def by_elements(resolution: int, layers: int, thick: Thickened | None = None) -> Values:
+    def element_values(
+        resolution: int,
+        layers: int,
+        thick: Thickened | None = None,
+    ) -> Values:
         factors = by_mesh(resolution, layers)
         return {"factor": factors if thick is None else factors * _ratios(loaded, thick)}
 
@@ -152,7 +158,7 @@ def buckling(
         found[ANALYTIC] = ModelAnswer({"factor": np.where(np.isfinite(factors), factors, np.nan)})
     if mesh is not None:
         thickness = () if mesh.layers else plates.thickness_of(mechanism)
-        found |= plates.by_elements(mesh, by_elements, progress, thickness=thickness)
+        found |= plates.element_values(mesh, element_values, progress, thickness=thickness)
     first = _first(list(found.values())[-1], stated.at_points)
     if mesh is not None and mechanism.model == "three_dimensional":
         first = _with_out_of_plane(first, loaded)
@@ -222,7 +228,11 @@ def _with_out_of_plane(first: First, loaded: Compressed) -> First:
     )
 
 
-def _factorised(mechanism: Mechanism, resolution: int, layers: int) -> PlateModel:
+def _factorised(
+    mechanism: Mechanism,
+    resolution: int,
+    layers: int,
+) -> PlateModel:
     """Factorise the finite elements of a mechanism; they are not kept."""
     layout = mechanism.layout
     mesh = mesh_layout(layout, resolution)

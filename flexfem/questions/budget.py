@@ -48,9 +48,9 @@ class Budget(Result):
 
     kind_name = "mechanism_budget"
     title = "error budget"
-    main = ("share", {})
+    main_result = ("share", {})
     labels: ClassVar = {"share": SHARES}
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "shares are % of the commanded motion, by the single force or moment by which the "
         "network with rigid bodies moves the output as commanded, with the other directions free",
         errors.ALONG_READ,
@@ -162,7 +162,11 @@ class _Refined(NamedTuple):
         sequence = [error_of(one) for one in (*self.networks, self.finest.compliance)]
         return np.array([*np.diff(sequence, axis=0), sequence[-1] - sequence[0]])
 
-    def bands(self, error_of: Errors, of_total: Array) -> Array:
+    def bands(
+        self,
+        error_of: Errors,
+        of_total: Array,
+    ) -> Array:
         """Return the bands of the shares, of which only those of the last and of the sum are known.
 
         of_total : in three dimensions; in the plane the meshes give both.
@@ -177,7 +181,11 @@ class _Refined(NamedTuple):
         return np.diagonal(self.finest.percent_band(self.networks[0][:3, :3], lever))
 
 
-def _refinements(mechanism: Mechanism, mesh: Mesh, finest: Compared) -> list[Array]:
+def _refinements(
+    mechanism: Mechanism,
+    mesh: Mesh,
+    finest: Compared,
+) -> list[Array]:
     """Return the compliances of the networks that lead from rigid bodies to all elastic parts."""
     layout = mechanism.layout
     parts = plates.parts_of(mechanism, mesh.resolution)
@@ -191,7 +199,11 @@ def _refinements(mechanism: Mechanism, mesh: Mesh, finest: Compared) -> list[Arr
     return [respond(layout, one.bodies, hinges=one.hinges).compliance for one in networks]
 
 
-def _along(refined: _Refined, lever: float, compliance: Array) -> Array:
+def _along(
+    refined: _Refined,
+    lever: float,
+    compliance: Array,
+) -> Array:
     """Return the errors (..., 3) of the rigid network along each command.
 
     compliance : (..., k, k), of the model with which it is compared.
@@ -201,7 +213,11 @@ def _along(refined: _Refined, lever: float, compliance: Array) -> Array:
     return np.where(unused, np.nan, np.diagonal(percent, axis1=-2, axis2=-1))
 
 
-def _driven(layout: Layout, finest: Compared, compliance: Array) -> Array:
+def _driven(
+    layout: Layout,
+    finest: Compared,
+    compliance: Array,
+) -> Array:
     """Return the errors (..., a) of the amplification of the rigid network, up to a constant."""
     of_driven = plates.amplification(layout, finest.compliance)
     motions = plates.amplification(layout, compliance)

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from flexfem import arguments
-from flexfem.arrays import Array, brief
+from flexfem.arrays import Array, short_repr
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
@@ -89,7 +89,7 @@ class PlacedGap(NamedTuple):
     at_mm: tuple[float, float]
 
 
-@brief
+@short_repr
 class MechanismReport(NamedTuple):
     """A valid mechanism with all parameters and copies resolved, as far as it can be checked
     without a mesh.
@@ -264,7 +264,11 @@ def _held(body: PlateBody) -> str:
     return f"clamped at {edges} {', '.join(map(str, numbers))}"
 
 
-def _profile(joint: Joint, names: list[str], shape: str) -> PlacedProfile:
+def _profile(
+    joint: Joint,
+    names: list[str],
+    shape: str,
+) -> PlacedProfile:
     profile = joint.profile
     return PlacedProfile(
         hinge=joint.name,
@@ -344,7 +348,7 @@ class FormulaCurve(NamedTuple):
     shear: Array | None
 
 
-@brief
+@short_repr
 class HingeReview(NamedTuple):
     """Ratios of all formulas to the finite elements of the hinge chart with H = h, at t/R `ratio`
     (n,).
@@ -360,7 +364,7 @@ class HingeReview(NamedTuple):
     source: str
 
 
-@brief
+@short_repr
 class ThicknessReview(NamedTuple):
     """Ratio (k, n) of three-dimensional to plane-stress compliance of a hinge, at t/R `ratio` and
     b/t `width`.

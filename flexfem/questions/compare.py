@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import shapely
 
-from flexfem.arrays import brief
+from flexfem.arrays import short_repr
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.importing.departure import Departure, departure, fine_polygon
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, load
@@ -62,7 +62,7 @@ class ComparedNumber(NamedTuple):
     change_percent: float
 
 
-@brief
+@short_repr
 class Comparison(NamedTuple):
     """Departure of a plate from a mechanism.
 
@@ -245,7 +245,11 @@ def _inside(polygon: Any) -> complex:
     return complex(point.x, point.y)
 
 
-def _hinges(base: Layout, other: Layout, move: Move) -> Iterator[ComparedHinge]:
+def _hinges(
+    base: Layout,
+    other: Layout,
+    move: Move,
+) -> Iterator[ComparedHinge]:
     """Yield the differences of all hinges, and the hinges that only one of the plates has."""
     places = np.array([move(joint.place) for joint in other.joints])
     taken = set[int]()
@@ -265,7 +269,11 @@ def _hinges(base: Layout, other: Layout, move: Move) -> Iterator[ComparedHinge]:
             )
 
 
-def _compared(one: Joint, other: Joint, move: Move) -> ComparedHinge:
+def _compared(
+    one: Joint,
+    other: Joint,
+    move: Move,
+) -> ComparedHinge:
     first = one.profile
     second = other.profile
     angle = move.heading(other.heading) - one.heading
@@ -337,7 +345,11 @@ def _numbers(
     yield _number("first frequency (Hz)", *frequencies)
 
 
-def _number(quantity: str, first: float, second: float) -> ComparedNumber:
+def _number(
+    quantity: str,
+    first: float,
+    second: float,
+) -> ComparedNumber:
     change = 100 * (second / first - 1) if first else math.nan
     return ComparedNumber(quantity, _digits(first), _digits(second), _digits(round(change, 4), 3))
 

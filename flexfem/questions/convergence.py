@@ -27,7 +27,7 @@ class MeshConvergence(Result):
 
     kind_name = "mechanism_convergence"
     title = "mesh convergence"
-    main = ("extrapolated", {})
+    main_result = ("extrapolated", {})
     figure = "errors.convergence_figure"
     along = Quantity(
         "compliance along each direction", "compliance", ("mesh", "direction"), ON_MESHES

@@ -62,7 +62,11 @@ class Traced(NamedTuple):
     event_bands: dict[str, Array]
 
 
-def by_beams(layout: Layout, port: int, displacements: Array) -> Traced:
+def by_beams(
+    layout: Layout,
+    port: int,
+    displacements: Array,
+) -> Traced:
     """Return the curve of co-rotational beams up to the last of displacements (s,) of a port, mm or
     rad.
     """
@@ -80,7 +84,7 @@ def by_beams(layout: Layout, port: int, displacements: Array) -> Traced:
     return Traced(curve, shares, events, np.full((len(shares), NUMBERS), np.nan), {})
 
 
-def by_elements(
+def element_values(
     mechanism: Mechanism,
     mesh: Mesh,
     port: int,

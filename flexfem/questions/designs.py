@@ -83,7 +83,11 @@ def at_rest(
         return values
 
 
-def _with_stiffness(layouts: Layouts, numbers: tuple[int, ...], ratios_of: RatiosOf) -> AlikeHinges:
+def _with_stiffness(
+    layouts: Layouts,
+    numbers: tuple[int, ...],
+    ratios_of: RatiosOf,
+) -> AlikeHinges:
     hinge = layouts.hinges[numbers[0]]
     E, nu, *_ = hinge.material
     integrals = beam_integrals(hinge.profile, layouts.number)
@@ -108,7 +112,11 @@ class _Response(NamedTuple):
 class _Network:
     """The bonds of n designs, with the places from the mean of the hinges, against round-off."""
 
-    def __init__(self, layouts: Layouts, groups: Sequence[AlikeHinges]) -> None:
+    def __init__(
+        self,
+        layouts: Layouts,
+        groups: Sequence[AlikeHinges],
+    ) -> None:
         self.layouts = layouts
         hinges = layouts.hinges
         places = [np.broadcast_to(hinge.place, (layouts.number,)) for hinge in hinges]
@@ -141,7 +149,11 @@ class _Network:
         inputs = self.layouts.inputs
         loads = dict[int, Array]()
 
-        def add(contact: Patch, place: int, wrenches: AnyArray) -> None:
+        def add(
+            contact: Patch,
+            place: int,
+            wrenches: AnyArray,
+        ) -> None:
             body = self._node(contact.body)
             if body != GROUND:
                 shape = (self.layouts.number, 3, 3 + len(inputs))

@@ -12,7 +12,7 @@ from flexfem.arrays import Array, Index
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import finite, plates, setup
-from flexfem.questions.driven import ROUND_OFF, Driven
+from flexfem.questions.driven import ROUND_OFF, DriveSystem
 from flexfem.questions.plates import ON_MESHES, PEAK
 from flexfem.questions.setup import DEFAULT, Analytic, MeshFields, elements_through, options
 from flexfem.results import ELEMENTS, FLOOR, SOLID, Quantity, Result
@@ -24,10 +24,10 @@ class Drive(Result):
     kind_name = "mechanism_drive"
     has_mesh_fields = True
     title = "drive"
-    main = ("motion", {})
+    main_result = ("motion", {})
     figure = "displaced.drive_figure"
     drawn_from_fields = True
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "all actuators are in place with their stiffness; a motion is that for the free stroke "
         "of one actuator, which acts along its line at rest",
         "analytic, elastic bodies: linear theory; other models: at finite displacement",
@@ -156,7 +156,7 @@ def drive(
     >>> found = flexfem.drive(flexfem.load("geometry/mobility6.toml"), pose=(2e-3, 1e-3, 0.0), models="analytic")
     >>> [round(float(stroke), 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
-    """
+    """  # noqa: E501
     layers = elements_through(solid, thickness_resolution)
     mesh = plates.mesh_of(mechanism, models, resolution, layers)
     layout = mechanism.layout
@@ -166,14 +166,14 @@ def drive(
     def of_network(elastic: bool) -> plates.Values:
         return _at_strokes(mechanism, plates.network(mechanism, elastic), None)
 
-    def of_size(
+    def on_mesh(
         resolution: int, layers: int, thick: plates.Thickened | None = None
     ) -> plates.Values:
         label = SOLID if layers or thick is not None else ELEMENTS
         response = plates.elements(mechanism, resolution, layers, thick)
         return _at_strokes(mechanism, response, changes.of(label))
 
-    by_model = plates.by_models(mechanism, mesh, models, of_network, of_size)
+    by_model = plates.by_models(mechanism, mesh, models, of_network, on_mesh)
     found = {label: _with_errors(layout, one, changes) for label, one in by_model.items()}
     warnings = plates.over_yield(mechanism, found, "stress", "full stroke")
     warnings += changes.warnings("at full stroke", mesh)
@@ -197,7 +197,7 @@ def _fields(mechanism: Mechanism, mesh: setup.Mesh | None) -> MeshFields | None:
     def made() -> dict[str, Array]:
         drive = mechanism.layout.drive
         response = plates.solved(mechanism, mesh.resolution)
-        forces = Driven.of_mechanism(mechanism, response.compliance).Y * drive.highest
+        forces = DriveSystem.of_mechanism(mechanism, response.compliance).Y * drive.highest
         on_drives = response.fields[mechanism.layout.drive_ports]
         fields = np.tensordot(forces.T, on_drives, 1)
         return dict(zip(drive.names, fields, strict=True))
@@ -239,7 +239,7 @@ def _at_strokes(
     layout = mechanism.layout
     strokes = layout.drive.highest
     C = response.compliance
-    driven = Driven.of_mechanism(mechanism, C)
+    driven = DriveSystem.of_mechanism(mechanism, C)
     loads = (driven.Y * strokes).T @ np.eye(len(C))[layout.drive_ports]
     linear = _AtStrokes(loads @ C, loads, response.stress(loads))
     at = linear if changes is None else linear.plus(changes)

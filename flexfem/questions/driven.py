@@ -20,7 +20,7 @@ from flexfem.arrays import Array, Index, inverse
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
 from flexfem.mechanism.layout import ActuatorSet
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.questions.simplex import Farthest, WorstLimit, farthest
+from flexfem.questions.simplex import Maximum, WorstLimit, maximised
 from flexfem.refused import BadInput, ComputationFailed
 
 Criterion: TypeAlias = Literal["least energy", "least stroke", "within limits"]
@@ -66,7 +66,7 @@ class Motion(NamedTuple):
     stacks: float
 
 
-class Driven(NamedTuple):
+class DriveSystem(NamedTuple):
     """A driven mechanism by one model; leading axes are designs.
 
     C : (..., 3 + n, 3 + n), mm, rad per N, N mm.   Y : (..., n, n), N/mm, stack forces per stroke.
@@ -77,7 +77,11 @@ class Driven(NamedTuple):
     drive: ActuatorSet
 
     @classmethod
-    def of(cls, C: Array, drive: ActuatorSet) -> Driven:
+    def of(
+        cls,
+        C: Array,
+        drive: ActuatorSet,
+    ) -> DriveSystem:
         """Return a driven mechanism of compliance C.
 
         Y = k^1/2 (1 + k^1/2 C_dd k^1/2)^-1 k^1/2 also holds for k = 0. Stacks of infinite stiffness
@@ -92,12 +96,16 @@ class Driven(NamedTuple):
         inner = inverse(np.eye(root.shape[-1]) + column * C_dd * row)
         return cls(C, column * inner * row, drive)
 
-    def at(self, which: Index | None) -> Driven:
+    def at(self, which: Index | None) -> DriveSystem:
         """Select designs (k,); None adds a leading axis of length one."""
-        return Driven(self.C[which], self.Y[which], self.drive.at(which))
+        return DriveSystem(self.C[which], self.Y[which], self.drive.at(which))
 
     @classmethod
-    def of_mechanism(cls, mechanism: Mechanism, C: Array) -> Driven:
+    def of_mechanism(
+        cls,
+        mechanism: Mechanism,
+        C: Array,
+    ) -> DriveSystem:
         """Return the output of a mechanism with all its actuators, for a compliance (k, k) of its
         ports.
 
@@ -129,7 +137,11 @@ class Driven(NamedTuple):
         """Stiffness (3,) of the output with engaged stacks, each direction with the others held."""
         return np.asarray(np.diag(np.linalg.inv(self.engaged)))
 
-    def moved(self, command: Array, load: Array) -> Motion:
+    def moved(
+        self,
+        command: Array,
+        load: Array,
+    ) -> Motion:
         """Return the motion of one mechanism by commands (m,), mm, and a load (3,), N, N, N mm."""
         force = self.per_command @ command - self.Y @ self.C[3:, :3] @ load
         loads = np.concatenate([load, force])
@@ -140,7 +152,9 @@ class Driven(NamedTuple):
         return Motion(displacement[:3], force, energy, float(np.sum(stacks) / 2))
 
     def limits(self, load: Array) -> dict[Limit, DriveLimits]:
-        """Return the limits under a load (3,): highest and lowest commands, least and largest forces."""
+        """Return the limits under a load (3,): highest and lowest commands, least and largest
+        forces.
+        """
         drive = self.drive
         at_rest = self.Y @ self.C[..., 3:, :3] @ load
         unit = np.eye(drive.lowest.shape[-1])
@@ -153,7 +167,11 @@ class Driven(NamedTuple):
             "blocking force": DriveLimits(self.per_command, at_rest, reserve),
         }
 
-    def shares(self, command: Array, load: Array) -> dict[Limit, Array]:
+    def shares(
+        self,
+        command: Array,
+        load: Array,
+    ) -> dict[Limit, Array]:
         """Return the share of each limit that commands use, above one if exceeded.
 
         That of strokes has shape (2m,), those of forces (n,). It is inf for a limit of zero, as at
@@ -167,7 +185,13 @@ class Driven(NamedTuple):
                 found[name] = np.where(unused, 0.0, used / sizes)
         return found
 
-    def commands(self, pose: Array, load: Array, lever: float, criterion: Criterion) -> Array:
+    def commands(
+        self,
+        pose: Array,
+        load: Array,
+        lever: float,
+        criterion: Criterion,
+    ) -> Array:
         """Return the commands (m,), mm, for a pose (3,) under a load (3,).
 
         lever : mm, scales rotations to lengths.
@@ -209,7 +233,12 @@ class Driven(NamedTuple):
         return np.asarray(np.transpose(commands) * scale)
 
 
-def _least_energy(system: Driven, G: Array, target: Array, load: Array) -> Array:
+def _least_energy(
+    system: DriveSystem,
+    G: Array,
+    target: Array,
+    load: Array,
+) -> Array:
     """Minimise f' C_dd f with f = Y (T x - C_dF F) and G x = target, in the null space of G.
 
     Combinations of commands without energy in a rigid model, as with six pairs on mobility three,
@@ -227,7 +256,11 @@ def _least_energy(system: Driven, G: Array, target: Array, load: Array) -> Array
     return np.asarray(particular - free @ (F.T @ C_dd @ force / energy[kept]))
 
 
-def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, target: Array) -> Array:
+def _least_share(
+    limits: Mapping[Limit, DriveLimits],
+    G: Array,
+    target: Array,
+) -> Array:
     """Minimise t with rows x <= offsets + t sizes, for all limits together, and G x = target.
 
     Raises Unreachable with the reason if no x exists; then limits of zero size exclude every t.
@@ -248,7 +281,11 @@ def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, target: Array) -
     raise Unreachable(", and ".join(alone or binding))
 
 
-def _smallest_share(limits: Iterable[DriveLimits], particular: Array, free: Array) -> Array | None:
+def _smallest_share(
+    limits: Iterable[DriveLimits],
+    particular: Array,
+    free: Array,
+) -> Array | None:
     """Return the commands particular + free @ y of the smallest share of limits; None if there are
     none.
 
@@ -258,7 +295,7 @@ def _smallest_share(limits: Iterable[DriveLimits], particular: Array, free: Arra
     not_negative = np.eye(1, 1 + free.shape[1])
     A = np.vstack([np.column_stack([sizes, rows @ free]), not_negative])
     b = np.append(offsets - rows @ particular, 0.0)
-    share, *at = farthest(A[None], b[None]).points[0]
+    share, *at = maximised(A[None], b[None]).points[0]
     if np.isnan(share):
         return None
     return np.asarray(particular + free @ np.array(at))
@@ -274,20 +311,30 @@ class CommandLimits:
     rows: Array
     bounds: Array
 
-    def farthest(self, design: Index, Z: Array, base: Array) -> Farthest:
+    def maximised(
+        self,
+        design: Index,
+        Z: Array,
+        base: Array,
+    ) -> Maximum:
         """Solve p programs of designs (p,) for the largest z_0 of commands base (p, m) + Z (p, m,
         d) z.
         """
         rows = self.rows[design]
         bounds = self.bounds[design] - np.einsum("pkm,pm->pk", rows, base)
-        return farthest(rows @ Z, bounds, self.further(design, Z, base))
+        return maximised(rows @ Z, bounds, self.further(design, Z, base))
 
-    def further(self, design: Index, Z: Array, base: Array) -> WorstLimit | None:
+    def further(
+        self,
+        design: Index,
+        Z: Array,
+        base: Array,
+    ) -> WorstLimit | None:
         """Return the limits of the same programs that are no rows; here there are none."""
         return None
 
 
-def stroke_limits(system: Driven) -> CommandLimits:
+def stroke_limits(system: DriveSystem) -> CommandLimits:
     """Return the limits of one mechanism by the strokes of its actuators, which also pull."""
     rows, _, sizes = system.limits(np.zeros(3))["stroke"]
     return CommandLimits(rows[None], sizes[None])

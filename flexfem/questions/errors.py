@@ -31,10 +31,10 @@ from flexfem.questions.plates import (
     of_models,
 )
 from flexfem.questions.setup import ELASTIC, Mesh, ModelAnswer, answer, require_hinges
-from flexfem.results import ANALYTIC, COARSER, Progress, Quantity, Result
+from flexfem.results import ANALYTIC, COARSE_MESHES, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
-POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
+POINTS = ON_MESHES._replace(absolute=100 * COARSE_MESHES.relative)  # percentage points of a command
 ALONG_READ = (
     "along the command this is the error of the stiffness of the model with the other directions "
     "free: the same number in `stiffness`, `summary`, `verify`, `budget` and the report"
@@ -49,10 +49,10 @@ class MechanismErrors(Result):
     """Errors of the analytic networks of a mechanism."""
 
     title = "errors of the analytic models"
-    main = ("percent", {})
+    main_result = ("percent", {})
     figure = "errors.mechanism_figure"
     labels: ClassVar = {"commanded": DIRECTIONS}
-    reading = (
+    footnotes = (
         "positioning error: motion of finite elements minus that of the model, by the force or "
         "moment that moves the model as commanded, with the other directions free; rotations are "
         "multiplied by the lever",
@@ -106,17 +106,29 @@ class Compared(NamedTuple):
     motions: Array
     bands: Mapping[str, Array]
 
-    def percent_band(self, model: Array, lever: float) -> Array:
+    def percent_band(
+        self,
+        model: Array,
+        lever: float,
+    ) -> Array:
         """Return the bands (3, 3) of `free_errors` of a model with a compliance (3, 3)."""
         return free_errors(model, model + self.bands["compliance"][:3, :3], lever)
 
-    def driven_band(self, model: Array, layout: Layout) -> Array:
+    def driven_band(
+        self,
+        model: Array,
+        layout: Layout,
+    ) -> Array:
         """Return the bands (a,) of `amplification_errors` of a model with a compliance (k, k)."""
         motions = amplification(layout, model)
         return amplification_bands(motions, self.motions, self.bands["amplification"], layout.lever)
 
 
-def compared(mechanism: Mechanism, mesh: Mesh, progress: Progress | None = None) -> Compared:
+def compared(
+    mechanism: Mechanism,
+    mesh: Mesh,
+    progress: Progress | None = None,
+) -> Compared:
     """Solve the finite elements with which analytic models are compared in every question."""
 
     def values(response: Responses) -> Values:
@@ -161,7 +173,11 @@ def errors_of(mechanism: Mechanism, layers: int | None = None) -> MechanismError
     )
 
 
-def _of_network(mechanism: Mechanism, model: Array, finest: Compared) -> ModelAnswer:
+def _of_network(
+    mechanism: Mechanism,
+    model: Array,
+    finest: Compared,
+) -> ModelAnswer:
     """Return the errors of a network with the compliance (k, k) of the ports."""
     layout = mechanism.layout
     lever = layout.lever

@@ -19,7 +19,7 @@ from flexfem.analytic.strokes import STIFF, Applied, Displaced, displaced_by, li
 from flexfem.arrays import Array, Index
 from flexfem.fem.nonlinear import Equilibria, driven, equilibria, stress_in_parts
 from flexfem.fem.ports import PlateModel
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import levels
@@ -89,7 +89,11 @@ def by_pose(layout: Layout, pose: Array) -> Applied:
     return Applied(np.zeros(count), at_ports, springs)
 
 
-def change(mechanism: Mechanism, mesh: Mesh | None, command: Applied) -> Change:
+def change(
+    mechanism: Mechanism,
+    mesh: Mesh | None,
+    command: Applied,
+) -> Change:
     """Return the change of linear theory at a command, without a mesh that by beams alone.
 
     Raises ComputationFailed without an equilibrium.
@@ -97,7 +101,7 @@ def change(mechanism: Mechanism, mesh: Mesh | None, command: Applied) -> Change:
     return _change(mechanism, mesh, *(tuple(part.tolist()) for part in command))
 
 
-@once
+@memoized
 def _change(mechanism: Mechanism, mesh: Mesh | None, *parts: tuple[float, ...]) -> Change:
     command = Applied(*map(np.array, parts))
     layout = mechanism.layout
@@ -190,7 +194,12 @@ def _of_elements(
     return before, after.plus(before, -1.0)
 
 
-def _engaged(model: PlateModel, command: Applied, driving: Index, openings: Array) -> Equilibria:
+def _engaged(
+    model: PlateModel,
+    command: Applied,
+    driving: Index,
+    openings: Array,
+) -> Equilibria:
     """Return equilibria of which the last has nearly the forces (a,) of the actuators, which hold
     their openings.
     """
@@ -216,7 +225,12 @@ def _correction(
     return np.asarray(np.linalg.solve(tangent + np.diag(springs), left))
 
 
-def _balanced(at: Displaced, compliance: Array, command: Applied, driving: Index) -> Displaced:
+def _balanced(
+    at: Displaced,
+    compliance: Array,
+    command: Applied,
+    driving: Index,
+) -> Displaced:
     """Return an equilibrium after the last correction of the openings, which is linear."""
     opened = _correction(at.loads, at.motions, compliance, command, driving)
     added = np.zeros_like(at.loads)
@@ -273,7 +287,11 @@ class Changes(NamedTuple):
             f"{stress:+.2g} %"
         )
 
-    def notes(self, where: str, mesh: Mesh | None) -> list[str]:
+    def notes(
+        self,
+        where: str,
+        mesh: Mesh | None,
+    ) -> list[str]:
         """Say whether the numbers of finite elements are those at finite displacement, and by how
         much they differ.
         """
@@ -313,7 +331,11 @@ class Changes(NamedTuple):
         return []
 
 
-def changes(mechanism: Mechanism, mesh: Mesh | None, commands: Sequence[Applied]) -> Changes:
+def changes(
+    mechanism: Mechanism,
+    mesh: Mesh | None,
+    commands: Sequence[Applied],
+) -> Changes:
     """Return the changes of linear theory at commands."""
     try:
         return Changes([change(mechanism, mesh, command) for command in commands])
@@ -321,7 +343,11 @@ def changes(mechanism: Mechanism, mesh: Mesh | None, commands: Sequence[Applied]
         return Changes([], str(failure))
 
 
-def relative_bands(found: ModelAnswer, motion: str, stress: str) -> tuple[float, float]:
+def relative_bands(
+    found: ModelAnswer,
+    motion: str,
+    stress: str,
+) -> tuple[float, float]:
     """Return the bands of two quantities of a model relative to their largest values; 0 without a
     band.
     """

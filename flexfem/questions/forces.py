@@ -23,7 +23,7 @@ from flexfem.questions.loads import AtPoints, required_load
 from flexfem.questions.plates import ElasticParts, Thickened, Values
 from flexfem.questions.setup import Models
 from flexfem.refused import BadInput, printed
-from flexfem.results import COARSER, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import COARSE_MESHES, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import UNITS, in_unit
 
 INSIDE = 1e-6  # of the size of a plate: depth of an end of a section in the material, by round-off
@@ -37,10 +37,10 @@ class Forces(Result):
     """
 
     title = "forces under the load"
-    main = ("force", {})
+    main_result = ("force", {})
     columns = ("resultant",)
     labels: ClassVar = {"resultant": RESULTANTS}
-    reading = (
+    footnotes = (
         "through a hinge: on its end at its second body, along its axis (tension is positive), "
         "across it, and the moment at its centre; the moment of a section at x along the axis is "
         "`moment - x shear`",
@@ -55,7 +55,7 @@ class Forces(Result):
         "force and moment through",
         ("n", "n", "n_mm"),
         ("section", "model", "resultant"),
-        COARSER,
+        COARSE_MESHES,
         "wrench",
     )
     strain = Quantity("highest strain", "percent", ("part", "model"), STRESS, "all")
@@ -138,10 +138,14 @@ def forces(
     def by_network(elastic: bool) -> Values:
         return _by_network(loaded, elastic)
 
-    def by_elements(resolution: int, layers: int, thick: Thickened | None = None) -> Values:
+    def element_values(
+        resolution: int,
+        layers: int,
+        thick: Thickened | None = None,
+    ) -> Values:
         return _by_mesh(loaded, resolution, layers, thick)
 
-    found = plates.by_models(mechanism, mesh, models, by_network, by_elements, progress)
+    found = plates.by_models(mechanism, mesh, models, by_network, element_values, progress)
     warnings = list[str]()
     if mesh is not None:
         coarsest = plates.meshed(mechanism, levels(mesh.resolution)[0])
@@ -193,7 +197,12 @@ def _by_network(loaded: Loaded, elastic: bool) -> Values:
     }
 
 
-def _by_mesh(loaded: Loaded, resolution: int, layers: int, thick: Thickened | None) -> Values:
+def _by_mesh(
+    loaded: Loaded,
+    resolution: int,
+    layers: int,
+    thick: Thickened | None,
+) -> Values:
     """Return wrenches, strains and stress by finite elements, with the thickness of hinges if
     given.
     """

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.plates import weighed
+from flexfem.analytic.plates import weight_response
 from flexfem.arrays import Array
 from flexfem.fem.ports import hinge_stress
 from flexfem.mechanism.mechanism import Mechanism
@@ -31,7 +31,7 @@ class MechanismGravity(Result):
     """
 
     title = "displacement under weight"
-    main = ("pose", {})
+    main_result = ("pose", {})
     figure = "displaced.gravity_figure"
     has_mesh_fields = True
     drawn_from_fields = True
@@ -116,14 +116,18 @@ def gravity(
     def by_mesh(resolution: int, layers: int) -> Values:
         return _by_mesh(mechanism, weight, resolution, layers)
 
-    def by_elements(resolution: int, layers: int, thick: Thickened | None = None) -> Values:
+    def element_values(
+        resolution: int,
+        layers: int,
+        thick: Thickened | None = None,
+    ) -> Values:
         values = by_mesh(resolution, layers)
         return values if thick is None else _thickened(mechanism, weight, values, thick)
 
     def by_network(elastic: bool) -> Values:
         return _by_network(mechanism, weight, elastic)
 
-    found = plates.by_models(mechanism, mesh, models, by_network, by_elements, progress)
+    found = plates.by_models(mechanism, mesh, models, by_network, element_values, progress)
     return setup.answer(
         MechanismGravity,
         mechanism,
@@ -141,20 +145,29 @@ def acceleration(angle: float) -> Array:
     return GRAVITY * np.array([np.cos(radians), np.sin(radians)])
 
 
-def _by_network(mechanism: Mechanism, weight: Array, elastic: bool) -> Values:
+def _by_network(
+    mechanism: Mechanism,
+    weight: Array,
+    elastic: bool,
+) -> Values:
     """Return displacement and hinge stress by the network of bodies and hinges."""
     parts = plates.joined_parts(mechanism, elastic)
-    motions, wrenches = weighed(mechanism.layout, weight[None], *parts)
+    motions, wrenches = weight_response(mechanism.layout, weight[None], *parts)
     return {
         "pose": _at_points(mechanism, motions),
         "stress": plates.stress_by(mechanism, wrenches[..., 0], elastic),
     }
 
 
-def _by_mesh(mechanism: Mechanism, weight: Array, resolution: int, layers: int) -> Values:
+def _by_mesh(
+    mechanism: Mechanism,
+    weight: Array,
+    resolution: int,
+    layers: int,
+) -> Values:
     """Return displacement and hinge stress by finite elements, with layers also the sag."""
     model = plates.factorised(mechanism, resolution, layers)
-    found = model.weighed(model.mass, weight[None])
+    found = model.weight_response(model.mass, weight[None])
     values = {
         "pose": _at_points(mechanism, found.motions),
         "stress": hinge_stress(found, np.ones(1)),
@@ -162,29 +175,38 @@ def _by_mesh(mechanism: Mechanism, weight: Array, resolution: int, layers: int) 
     if layers:
         lifting = plates.factorised(mechanism, resolution, layers, lifting=True)
         along_z = np.array([[-GRAVITY]])
-        values["sag"] = lifting.weighed(lifting.mass, along_z).motions[:, 0]
+        values["sag"] = lifting.weight_response(lifting.mass, along_z).motions[:, 0]
     return values
 
 
-def _fields(mechanism: Mechanism, weight: Array, mesh: setup.Mesh | None) -> MeshFields | None:
+def _fields(
+    mechanism: Mechanism,
+    weight: Array,
+    mesh: setup.Mesh | None,
+) -> MeshFields | None:
     """Return the displacement of the upright plate by plane finite elements; None without them."""
     if mesh is None or mesh.layers:
         return None
 
     def made() -> dict[str, Array]:
         model = plates.factorised(mechanism, mesh.resolution)
-        return {"displacement": model.weighed(model.mass, weight[None]).fields[0]}
+        return {"displacement": model.weight_response(model.mass, weight[None]).fields[0]}
 
     return MeshFields(plates.meshed(mechanism, mesh.resolution), made)
 
 
-def _thickened(mechanism: Mechanism, weight: Array, plane: Values, thick: Thickened) -> Values:
+def _thickened(
+    mechanism: Mechanism,
+    weight: Array,
+    plane: Values,
+    thick: Thickened,
+) -> Values:
     """Return values of plane finite elements with the change by the thickness of the hinges."""
 
     def motions(parts: ElasticParts) -> Array:
-        return weighed(mechanism.layout, weight[None], *parts)[0]
+        return weight_response(mechanism.layout, weight[None], *parts)[0]
 
-    wrenches = weighed(mechanism.layout, weight[None], *thick.solid)[1]
+    wrenches = weight_response(mechanism.layout, weight[None], *thick.solid)[1]
     return {
         "pose": plane["pose"] + _at_points(mechanism, thick.change(motions)),
         "stress": plane["stress"] * thick.stress_ratios(wrenches[..., 0]),
@@ -197,7 +219,11 @@ def _at_points(mechanism: Mechanism, motions: Array) -> Array:
     return motions[: 3 * points].reshape(points, 3)
 
 
-def _warnings(mechanism: Mechanism, weight: Array, found: dict[str, ModelAnswer]) -> list[str]:
+def _warnings(
+    mechanism: Mechanism,
+    weight: Array,
+    found: dict[str, ModelAnswer],
+) -> list[str]:
     """Warn of yield, and of displacements at which the linear solution is not valid."""
     warnings = plates.over_yield(mechanism, found, "stress", UNDER_WEIGHT)
     if not mechanism.layout.joints:

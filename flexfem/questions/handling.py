@@ -181,7 +181,12 @@ def _port_of_body(body: int, row: int) -> Port:
     return Port(f"body {body} {row}", row == 2, ((Patch(body, 0j), unit),))
 
 
-def _hinge(layout: Layout, joint: Joint, number: dict[int, int], wrenches: Array) -> HandledHinge:
+def _hinge(
+    layout: Layout,
+    joint: Joint,
+    number: dict[int, int],
+    wrenches: Array,
+) -> HandledHinge:
     profile = joint.profile
     breaks = np.unique(np.array(profile.breaks, dtype=float))
     x = np.unique(np.linspace(breaks[:-1], breaks[1:], PIECES))
@@ -202,7 +207,11 @@ def _hinge(layout: Layout, joint: Joint, number: dict[int, int], wrenches: Array
     )
 
 
-def _edge_stress(profile: Profile, thickness: float, out_of_plane: float) -> Array:
+def _edge_stress(
+    profile: Profile,
+    thickness: float,
+    out_of_plane: float,
+) -> Array:
     """Return the von Mises stress (n, 3) at both edges of some sections per unit wrench.
 
     With the sign of the stress along the edge, so that it adds; see `Profile.stress`.

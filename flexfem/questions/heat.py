@@ -14,11 +14,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.plates import warmed as warmed_network
+from flexfem.analytic.plates import thermal_response as warmed_network
 from flexfem.arrays import Array
-from flexfem.fem.ports import warm_stress, warmed
+from flexfem.fem.ports import thermal_response, warm_stress
 from flexfem.fem.response import HEAT_CASES, free_displacement
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.expansion import (
     KEY,
     coefficients,
@@ -54,12 +54,12 @@ class MechanismDrift(Result):
 
     title = "change of temperature"
     main_key = FRAME
-    main = ("pose", {"case": "uniform"})
+    main_result = ("pose", {"case": "uniform"})
     figure = "displaced.drift_figure"
     has_mesh_fields = True
     drawn_from_fields = True
     labels: ClassVar = {"case": CASES}
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the "
         "ground",
     )
@@ -136,14 +136,18 @@ def drift(
     """
     layers = setup.elements_through(solid, thickness_resolution)
     mesh = plates.mesh_of(mechanism, models, resolution, layers)
-    with located(mechanism):
+    with naming_place(mechanism):
         require_expansion(mechanism)
 
     @cache
     def by_mesh(resolution: int, layers: int) -> Warm:
         return _by_mesh(mechanism, resolution, layers)
 
-    def by_elements(resolution: int, layers: int, thick: Thickened | None = None) -> Values:
+    def element_values(
+        resolution: int,
+        layers: int,
+        thick: Thickened | None = None,
+    ) -> Values:
         found = by_mesh(resolution, layers)
         if thick is not None:
             found = _thickened(mechanism, found, thick)
@@ -152,11 +156,15 @@ def drift(
     def by_network(elastic: bool) -> Values:
         return _without_round_off(mechanism, _by_network(mechanism, elastic))
 
-    def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
+    def bands(
+        sizes: Array,
+        each: list[Values],
+        ends: Sequence[Values],
+    ) -> dict[str, Any]:
         found = plates.value_bands(sizes, each, ends)
         return found | {"pose": _pose_bands(mechanism, sizes, each, ends)}
 
-    found = plates.by_models(mechanism, mesh, models, by_network, by_elements, progress, bands)
+    found = plates.by_models(mechanism, mesh, models, by_network, element_values, progress, bands)
     return setup.answer(
         MechanismDrift,
         mechanism,
@@ -175,7 +183,7 @@ def _fields(mechanism: Mechanism, mesh: setup.Mesh | None) -> MeshFields | None:
     def made() -> dict[str, Array]:
         expansion = expansion_of(mechanism)
         model = plates.factorised(mechanism, mesh.resolution)
-        response = warmed(model, expansion.plate, expansion.frame, expansion.of_parts)
+        response = thermal_response(model, expansion.plate, expansion.frame, expansion.of_parts)
         by_case = np.tensordot(HEAT_CASES, free_displacement(model.mesh.nodes), axes=1)
         return dict(zip(CASES, response.fields + expansion.plate * by_case, strict=True))
 
@@ -212,16 +220,24 @@ def _by_network(mechanism: Mechanism, elastic: bool) -> Warm:
     return Warm(motions, stress)
 
 
-def _by_mesh(mechanism: Mechanism, resolution: int, layers: int) -> Warm:
+def _by_mesh(
+    mechanism: Mechanism,
+    resolution: int,
+    layers: int,
+) -> Warm:
     """Return the response of finite elements, in the plane or with layers."""
     expansion = expansion_in_depth(mechanism) if layers else expansion_of(mechanism)
     model = plates.factorised(mechanism, resolution, layers)
-    response = warmed(model, expansion.plate, expansion.frame, expansion.of_parts)
+    response = thermal_response(model, expansion.plate, expansion.frame, expansion.of_parts)
     unlike = expansion.unlike_hinges(len(mechanism.layout.bodies))
     return Warm(response.motions, warm_stress(response, expansion.across, unlike))
 
 
-def _thickened(mechanism: Mechanism, plane: Warm, thick: Thickened) -> Warm:
+def _thickened(
+    mechanism: Mechanism,
+    plane: Warm,
+    thick: Thickened,
+) -> Warm:
     """Return the response of plane finite elements with the change by the thickness of hinges."""
     layout = mechanism.layout
     expansion = expansion_in_depth(mechanism)

@@ -18,7 +18,7 @@ from flexfem.arrays import Array
 from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
-from flexfem.questions.curve import NUMBERS, Traced, by_beams, by_elements, numbers_of
+from flexfem.questions.curve import NUMBERS, Traced, by_beams, element_values, numbers_of
 from flexfem.questions.plates import ON_MESHES, PEAK, model_of, solved
 from flexfem.questions.setup import Mesh, answer, mesh_of, on_meshes, options
 from flexfem.refused import BadInput
@@ -40,10 +40,10 @@ class Large(Result):
 
     kind_name = "mechanism_large"
     title = "large displacements"
-    main = ("pose", {"load": "100 %"})
+    main_result = ("pose", {"load": "100 %"})
     figure = "large.large_figure"
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in SHARES)}
-    reading = (
+    footnotes = (
         "linear: the analytic network with rigid bodies, or finite elements of a plate without "
         "hinges; beams: the network with hinges as co-rotational beams; finite elements: plane, "
         "with finite rotations and elastic bodies",
@@ -285,7 +285,7 @@ def _driven(
     if mechanism.layout.joints:
         traced[BEAMS] = by_beams(mechanism.layout, port, motions)
     if mesh is not None:
-        traced[ELEMENTS] = by_elements(mechanism, mesh, port, motions, progress)
+        traced[ELEMENTS] = element_values(mechanism, mesh, port, motions, progress)
     curves = _Curves.of(traced)
     curves.add_linear(C, port, motions)
     for number, one in enumerate(traced.values(), start=1):
@@ -333,7 +333,12 @@ class _Curves(NamedTuple):
         pivots = {name: np.full(at[name].shape[:2], np.nan) for name in ("event", "curve")}
         return cls(theories, events, at, widths, pivots)
 
-    def add_linear(self, compliance: Array, port: int, motions: Array) -> None:
+    def add_linear(
+        self,
+        compliance: Array,
+        port: int,
+        motions: Array,
+    ) -> None:
         """Add linear theory at motions (s,) of a port."""
         pushed = np.zeros((len(motions), 3))
         pushed[:, port] = motions / compliance[port, port]
@@ -341,7 +346,11 @@ class _Curves(NamedTuple):
         self.at["share"][:, 0, 3:6] = pushed
         self.at["share"][:, 0, 6:] = 1 / np.diag(compliance)[:3]
 
-    def add(self, theory: int, traced: Traced) -> None:
+    def add(
+        self,
+        theory: int,
+        traced: Traced,
+    ) -> None:
         """Add a traced curve as a theory by its number."""
         for number, point in enumerate(traced.shares):
             self.at["share"][number, theory] = numbers_of(point)
@@ -385,7 +394,11 @@ def _named(arrays: Mapping[str, Array]) -> dict[str, Array]:
     }
 
 
-def _warned(traced: Mapping[str, Traced], port: int, size: float) -> list[str]:
+def _warned(
+    traced: Mapping[str, Traced],
+    port: int,
+    size: float,
+) -> list[str]:
     """Warn of unstable equilibria, of curves that end early, and of events that one theory alone
     has.
     """

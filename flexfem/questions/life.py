@@ -22,7 +22,7 @@ from flexfem.files.refusals import one_line, place_of
 from flexfem.files.toml import read_csv
 from flexfem.hinges import strength
 from flexfem.hinges.strength import Basquin, BasquinFit, equivalent
-from flexfem.mechanism.content import located
+from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, Material, unlikely
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import finite, plates, setup
@@ -90,7 +90,11 @@ class StressCycles(NamedTuple):
     mean: Array
     counted: Array
 
-    def times(self, factor: float, proportional: bool) -> StressCycles:
+    def times(
+        self,
+        factor: float,
+        proportional: bool,
+    ) -> StressCycles:
         """Return the stress for a multiple of the amplitude; the mean scales only if proportional."""
         mean = self.mean * factor if proportional else self.mean
         return self._replace(amplitude=factor * self.amplitude, mean=mean)
@@ -107,7 +111,12 @@ class StressCycles(NamedTuple):
         return np.asarray(np.abs(self.mean) + self.amplitude)
 
 
-def factor_at(stress: StressCycles, law: Basquin, life: float, proportional: bool) -> float:
+def factor_at(
+    stress: StressCycles,
+    law: Basquin,
+    life: float,
+    proportional: bool,
+) -> float:
     """Return the factor on the amplitude for a life, in cycles, of the first hinge.
 
     It is infinite if no stress is tensile.
@@ -144,9 +153,9 @@ class Life(WithLaw, Result):
 
     kind_name = "mechanism_life"
     title = "fatigue life"
-    main = ("life", {})
+    main_result = ("life", {})
     figure = "life.life_figure"
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "the highest stress of a hinge in the mean pose counts as tension, which is conservative",
         "analytic, elastic bodies: linear theory; other models: at finite displacement",
     )
@@ -205,7 +214,11 @@ class Fatigue(NamedTuple):
             "largest": largest,
         }
 
-    def _by_hinge(self, stress: StressCycles, equivalent: Array) -> dict[str, Array]:
+    def _by_hinge(
+        self,
+        stress: StressCycles,
+        equivalent: Array,
+    ) -> dict[str, Array]:
         """Return the values of every hinge, at its point of the shortest life."""
         hinges = [np.flatnonzero(stress.hinge == number) for number in np.unique(stress.hinge)]
         critical = [points[np.argmax(equivalent[points])] for points in hinges]
@@ -223,7 +236,7 @@ class Fatigue(NamedTuple):
         """The poses (2, 3) between which the output moves."""
         return self.motion.mean + np.array([[1.0], [-1.0]]) * self.motion.amplitude
 
-    def of_ports(
+    def values_of_ports(
         self, response: plates.Responses, changes: Sequence[Displaced] | None = None
     ) -> dict[str, Any]:
         """Return the values of one model from its response to loads on the ports.
@@ -256,7 +269,11 @@ class Fatigue(NamedTuple):
             messages += self._extrapolated("the wanted life", self.motion.cycles)
         return messages
 
-    def _above_yield(self, model: str, values: Mapping[str, Any]) -> list[str]:
+    def _above_yield(
+        self,
+        model: str,
+        values: Mapping[str, Any],
+    ) -> list[str]:
         limit = self.material.yield_strength
         beyond = f"beyond the yield strength of {limit:.4g} MPa"
         messages = list[str]()
@@ -273,7 +290,11 @@ class Fatigue(NamedTuple):
             )
         return messages
 
-    def _extrapolated(self, subject: str, cycles: float) -> list[str]:
+    def _extrapolated(
+        self,
+        subject: str,
+        cycles: float,
+    ) -> list[str]:
         low, high = self.law.range
         if not np.isfinite(cycles) or low <= cycles <= high:
             return []
@@ -372,16 +393,16 @@ def life(
     changes = finite.changes(mechanism, mesh, commands)
 
     def of_network(elastic: bool) -> plates.Values:
-        return asked.of_ports(plates.network(mechanism, elastic))
+        return asked.values_of_ports(plates.network(mechanism, elastic))
 
-    def of_size(
+    def on_mesh(
         resolution: int, layers: int, thick: plates.Thickened | None = None
     ) -> plates.Values:
         label = SOLID if layers or thick is not None else ELEMENTS
         response = plates.elements(mechanism, resolution, layers, thick)
-        return asked.of_ports(response, changes.of(label))
+        return asked.values_of_ports(response, changes.of(label))
 
-    by_model = plates.by_models(mechanism, mesh, models, of_network, of_size, progress, _bands)
+    by_model = plates.by_models(mechanism, mesh, models, of_network, on_mesh, progress, _bands)
     found = {label: _with_errors(one, changes) for label, one in by_model.items()}
     return setup.answer(
         Life,
@@ -463,7 +484,7 @@ def chosen_law(
         source = f"fitted to the points of {fit}"
         notes = [_described_fit(law)]
     if law is None:
-        with located(mechanism):
+        with naming_place(mechanism):
             chosen = strength.required_law(material, ", or a fit of S-N points")
         source = mechanism.sources.get(strength.KEY) or "not stated"
     else:

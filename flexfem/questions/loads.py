@@ -47,7 +47,11 @@ def stated_load(
     return StatedLoad(on_ports, found)
 
 
-def required_load(layout: Layout, force: Force | None, force_at: AtPoints | None) -> StatedLoad:
+def required_load(
+    layout: Layout,
+    force: Force | None,
+    force_at: AtPoints | None,
+) -> StatedLoad:
     """Return a load as `stated_load`. Raises BadInput without a load, or for a load of zero."""
     found = stated_load(layout, force, force_at)
     if found is None or not np.any(found.on_ports):

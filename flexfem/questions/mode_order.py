@@ -24,7 +24,11 @@ def lowest_modes(found: Mapping[str, ModelAnswer], count: int) -> Index:
     return np.argsort(frequencies, kind="stable")[:count]
 
 
-def in_order(found: Mapping[str, ModelAnswer], order: Index, count: int) -> dict[str, ModelAnswer]:
+def in_order(
+    found: Mapping[str, ModelAnswer],
+    order: Index,
+    count: int,
+) -> dict[str, ModelAnswer]:
     """Return the frequencies in an order; models of the plane have none out of it."""
     planar = np.flatnonzero(order < count)
 

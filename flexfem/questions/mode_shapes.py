@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.mechanism.layout import Layout
 
 # motion of a part, relative to that of the part that moves most, from which it is named, too
@@ -59,7 +59,11 @@ class PartMotion(NamedTuple):
         return f"at {degrees:.0f} degrees to x"
 
 
-def what_moves(layout: Layout, mesh: StageMesh, field: Array) -> str:
+def what_moves(
+    layout: Layout,
+    mesh: PlaneMesh,
+    field: Array,
+) -> str:
     """Return the parts that move most in a mode, with displacements (n, 2) of the nodes of a mesh."""
     names = [body.name for body in layout.bodies]
     names += [f"hinge {joint.name}" for joint in layout.joints]
@@ -75,7 +79,12 @@ def what_moves(layout: Layout, mesh: StageMesh, field: Array) -> str:
     return _said(moving)
 
 
-def _motion_of(name: str, of_part: AnyArray, mesh: StageMesh, field: Array) -> PartMotion:
+def _motion_of(
+    name: str,
+    of_part: AnyArray,
+    mesh: PlaneMesh,
+    field: Array,
+) -> PartMotion:
     """Return the motion of the part with these triangles."""
     nodes = np.unique(mesh.triangles[of_part])
     moved = field[nodes, :2] if len(nodes) else np.zeros((1, 2))

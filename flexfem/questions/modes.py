@@ -38,7 +38,7 @@ from flexfem.questions.setup import (
     options,
 )
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import COARSER, MAGNITUDE, SOLID, Gate, Progress, Quantity, Result
+from flexfem.results import COARSE_MESHES, MAGNITUDE, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import UNITS
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
@@ -56,11 +56,11 @@ class MechanismModes(Result):
 
     title = "natural modes"
     has_mesh_fields = True
-    main = ("frequency", {})
+    main_result = ("frequency", {})
     figure = "displaced.modes_figure"
     drawn_from_fields = True
     columns: ClassVar[tuple[str, ...]] = ("model", "direction", "motion")
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "motion of the output: share of each direction in its square; rotations are multiplied "
         "by the lever",
         "a mode that hardly moves the output has no share; of modes with equal frequency, the "
@@ -72,13 +72,15 @@ class MechanismModes(Result):
         "higher modes differ from those of finite elements",
     )
     frequency = Quantity(
-        "natural frequency", "hz", ("mode", "model"), Gate(COARSER.relative, MAGNITUDE)
+        "natural frequency", "hz", ("mode", "model"), Gate(COARSE_MESHES.relative, MAGNITUDE)
     )
     share = Quantity(
         "motion of the output by finite elements", "percents", ("mode", "direction"), MOTION, "all"
     )
     first_out_of_plane = Quantity(
-        "first natural frequency out of the plane", "hz", gate=Gate(COARSER.relative, MAGNITUDE)
+        "first natural frequency out of the plane",
+        "hz",
+        gate=Gate(COARSE_MESHES.relative, MAGNITUDE),
     )
     tilt = Quantity(
         "motion of the output out of the plane", "percents", ("mode", "motion"), MOTION, "all"
@@ -171,7 +173,11 @@ def modes(
     def by_mesh(resolution: int, layers: int) -> ByMesh:
         return _by_mesh(asked, resolution, layers)
 
-    def by_elements(resolution: int, layers: int, thick: Thickened | None = None) -> Values:
+    def element_values(
+        resolution: int,
+        layers: int,
+        thick: Thickened | None = None,
+    ) -> Values:
         values = by_mesh(resolution, layers).values
         return values if thick is None else _thickened(asked, values, thick)
 
@@ -180,7 +186,7 @@ def modes(
             return {"frequency": np.array([])}  # beams have rigid bodies
         return {"frequency": _by_network(asked, plates.joined_parts(mechanism, elastic))}
 
-    found = plates.by_models(mechanism, mesh, models, by_network, by_elements, progress)
+    found = plates.by_models(mechanism, mesh, models, by_network, element_values, progress)
     if load is not None:
         found.pop(ELASTIC, None)
     order = lowest_modes(found, count)
@@ -220,7 +226,8 @@ def modes(
 
 
 class Vibrating(NamedTuple):
-    """What is asked of a mechanism: its lowest modes, `most` of them, with engaged actuators or not.
+    """What is asked of a mechanism: its lowest modes, `most` of them, with engaged actuators or
+    not.
 
     load : (k,), on the ports, about whose equilibrium it vibrates; None at rest.
     """
@@ -263,7 +270,11 @@ def _by_network(asked: Vibrating, parts: ElasticParts) -> Array:
     return network_modes(layout, parts.bodies, asked.engaged, parts.hinges)
 
 
-def _by_mesh(asked: Vibrating, resolution: int, layers: int) -> ByMesh:
+def _by_mesh(
+    asked: Vibrating,
+    resolution: int,
+    layers: int,
+) -> ByMesh:
     """Return the modes on one mesh: in the plane, with layers then those out of it."""
     in_plane = _modes_of(asked, resolution, layers, False)
     parts = [_with_shares(asked, in_plane, False)]
@@ -280,7 +291,12 @@ class PortModes(NamedTuple):
     ports: Array
 
 
-def _modes_of(asked: Vibrating, resolution: int, layers: int, lifting: bool) -> PortModes:
+def _modes_of(
+    asked: Vibrating,
+    resolution: int,
+    layers: int,
+    lifting: bool,
+) -> PortModes:
     """Return one mode more than is asked for, so that a pair of equal frequency is whole.
 
     lifting : out of the plane, with layers.
@@ -296,7 +312,11 @@ def _modes_of(asked: Vibrating, resolution: int, layers: int, lifting: bool) -> 
     )
 
 
-def _with_shares(asked: Vibrating, found: PortModes, lifting: bool) -> Values:
+def _with_shares(
+    asked: Vibrating,
+    found: PortModes,
+    lifting: bool,
+) -> Values:
     """Return frequencies (modes,) and the shares (modes, 3) of directions in the motion of the
     output.
     """
@@ -310,7 +330,11 @@ def _with_shares(asked: Vibrating, found: PortModes, lifting: bool) -> Values:
     }
 
 
-def _thickened(asked: Vibrating, plane: Values, thick: Thickened) -> Values:
+def _thickened(
+    asked: Vibrating,
+    plane: Values,
+    thick: Thickened,
+) -> Values:
     """Return values of plane finite elements with the change of frequency by the thickness of
     hinges.
     """
@@ -326,7 +350,11 @@ def _thickened(asked: Vibrating, plane: Values, thick: Thickened) -> Values:
     return plane | {"frequency": frequencies * np.where(np.isnan(ratios), alone, ratios)}
 
 
-def ratios_by_thickness(frequencies: Array, plane: Array, solid: Array) -> Array:
+def ratios_by_thickness(
+    frequencies: Array,
+    plane: Array,
+    solid: Array,
+) -> Array:
     """Return the ratios (modes,) in three dimensions to plane stress of frequencies by finite
     elements.
 
@@ -339,7 +367,11 @@ def ratios_by_thickness(frequencies: Array, plane: Array, solid: Array) -> Array
     return np.where(alike, (solid / plane)[nearest], np.nan)
 
 
-def _motion(share: Array, lifted: AnyArray, mesh: Mesh) -> dict[str, Array]:
+def _motion(
+    share: Array,
+    lifted: AnyArray,
+    mesh: Mesh,
+) -> dict[str, Array]:
     """Return the shares (modes, 3) of the output in the plane and, with layers, out of it."""
     values = {"share": np.where(lifted[:, None], np.nan, share)}
     if mesh.layers:
@@ -357,7 +389,12 @@ def _names(lifted: AnyArray, in_depth: bool) -> list[str]:
     ]
 
 
-def _fields(asked: Vibrating, resolution: int, found: Modes | None, order: Index) -> MeshFields:
+def _fields(
+    asked: Vibrating,
+    resolution: int,
+    found: Modes | None,
+    order: Index,
+) -> MeshFields:
     """Return the shapes of plane modes, in the order of the table, on their mesh."""
     assert found is not None
     shapes = found
@@ -368,7 +405,11 @@ def _fields(asked: Vibrating, resolution: int, found: Modes | None, order: Index
     return MeshFields(plates.meshed(asked.mechanism, resolution), made)
 
 
-def _shapes_in_words(layout: Layout, fields: MeshFields, order: Index) -> list[str]:
+def _shapes_in_words(
+    layout: Layout,
+    fields: MeshFields,
+    order: Index,
+) -> list[str]:
     """Return notes on what moves in every mode of plane finite elements, in an order."""
     shapes = list(fields.made().values())
     return [

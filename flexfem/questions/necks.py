@@ -38,7 +38,12 @@ class Widths(NamedTuple):
 class MeasuredNeck(Table):
     """A measured neck thickness and the standard deviation of the measurement, mm."""
 
-    chain: int | None = Field(default=None, ge=1, le=3, examples=[2])
+    chain: int | None = Field(
+        default=None,
+        ge=1,
+        le=3,
+        examples=[2],
+    )
     """Chain of a hinge of the nine-hinge stage; a hinge of a mechanism has none"""
     hinge: Label = Field(examples=["elbow"])
     """Hinge of this chain: base, elbow or platform; or a hinge of a mechanism, by its name in
@@ -46,7 +51,11 @@ class MeasuredNeck(Table):
     """
     neck: Neck = Field(alias="neck_um", examples=[512.0])
     """Measured neck thickness; must be between half and twice the drawn one"""
-    sd: NeckDeviation = Field(default=0.0, alias="sd_um", examples=[3.0])
+    sd: NeckDeviation = Field(
+        default=0.0,
+        alias="sd_um",
+        examples=[3.0],
+    )
     """Standard deviation of the measurement, for all necks or for none; at most a fifth of the neck
     """
 
@@ -181,7 +190,12 @@ def _entry(row: Mapping[str, str], hinge: str) -> dict[str, int | float | str]:
     return {key: cell if key == hinge else _number(cell) for key, cell in cells.items()}
 
 
-def _refused_row(path: Path, lines: Sequence[int], at: Sequence[str | int], text: str) -> BadInput:
+def _refused_row(
+    path: Path,
+    lines: Sequence[int],
+    at: Sequence[str | int],
+    text: str,
+) -> BadInput:
     """Return the refusal of a value, with the line of the row whose index is in its key."""
     indices = [part for part in at if isinstance(part, int)]
     line = lines[indices[0]] if indices else None

@@ -23,7 +23,7 @@ from flexfem.fem.body_stress import (
     point_stress,
 )
 from flexfem.fem.elements import Layers
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import (
@@ -36,7 +36,7 @@ from flexfem.fem.ports import (
 )
 from flexfem.fem.response import Response
 from flexfem.fem.thickness import FEW_LAYERS, MANY_LAYERS, ThickHinge, thick_hinges
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.hinges.wide import contraction
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -57,7 +57,7 @@ from flexfem.questions.setup import (
 from flexfem.questions.setup import mesh_of as plain_mesh_of
 from flexfem.results import (
     ANALYTIC,
-    COARSER,
+    COARSE_MESHES,
     ELEMENTS,
     MAGNITUDE,
     SOLID,
@@ -105,7 +105,7 @@ LIFTED_LAYERS = (1, 2)  # in half the thickness
 LIFTED_MESH = 2e-3
 THIN = 5.0
 MOST_OF_THIN = 10.0  # times `LIFTED_MESH`
-ON_MESHES = COARSER._replace(band=MAGNITUDE)
+ON_MESHES = COARSE_MESHES._replace(band=MAGNITUDE)
 PEAK = STRESS._replace(band=MAGNITUDE)
 
 
@@ -136,8 +136,8 @@ class ElasticParts(NamedTuple):
     hinges: Array | None = None
 
 
-@once
-def meshed(mechanism: Mechanism, resolution: int) -> StageMesh:
+@memoized
+def meshed(mechanism: Mechanism, resolution: int) -> PlaneMesh:
     """Mesh the plate."""
     return mesh_layout(mechanism.layout, resolution)
 
@@ -147,7 +147,7 @@ def layers_of(mechanism: Mechanism, number: int) -> Layers | None:
     return layers_of_layout(mechanism.layout, number) if number else None
 
 
-@once
+@memoized
 def model_of(mechanism: Mechanism, resolution: int) -> PlateModel:
     """Factorise finite elements in the plane."""
     return plate_model(mechanism.layout, meshed(mechanism, resolution))
@@ -168,25 +168,29 @@ def factorised(
     return plate_model(mechanism.layout, meshed(mechanism, resolution), through)
 
 
-def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> Response:
+def solved(
+    mechanism: Mechanism,
+    resolution: int,
+    layers: int = 0,
+) -> Response:
     """Solve finite elements for unit loads on all ports."""
     if layers:
         return factorised(mechanism, resolution, layers).response()
     return _in_plane(mechanism, resolution)
 
 
-@once
+@memoized
 def _in_plane(mechanism: Mechanism, resolution: int) -> Response:
     return model_of(mechanism, resolution).response()
 
 
-@once
+@memoized
 def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> ElasticParts:
     """Return the compliance of every moving body and every hinge by finite elements of it alone."""
     return parts_in(mechanism.layout, meshed(mechanism, resolution))
 
 
-def parts_in(layout: Layout, mesh: StageMesh) -> ElasticParts:
+def parts_in(layout: Layout, mesh: PlaneMesh) -> ElasticParts:
     """Return the compliance of every moving body and every hinge by finite elements of it alone, on
     a mesh.
     """
@@ -208,7 +212,7 @@ class Lifted(NamedTuple):
     frequency_band: float
 
 
-@once
+@memoized
 def lifted(mechanism: Mechanism) -> Lifted:
     """Solve finite elements out of the plane, on a mesh that is coarse in the plane, with few and
     with more layers.
@@ -242,7 +246,11 @@ def lifted_mesh_error(layout: Layout) -> float:
     return LIFTED_MESH * float(np.clip(THIN * neck / layout.thickness, 1.0, MOST_OF_THIN))
 
 
-def _of_layers(few: Array, many: Array, of_mesh: float) -> Array:
+def _of_layers(
+    few: Array,
+    many: Array,
+    of_mesh: float,
+) -> Array:
     """Band (3, 3) of a matrix out of the plane by its layers and its mesh, which changes it by
     twice a frequency.
     """
@@ -296,7 +304,7 @@ class Thickened(NamedTuple):
         return ratios
 
 
-@once
+@memoized
 def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
     """Return the effect of the thickness, then possible variants of it, whose differences from it
     bound its error.
@@ -342,7 +350,7 @@ def _stiffer_bodies(layout: Layout, bodies: Sequence[ElasticBody]) -> tuple[Elas
     return tuple(stiffer)
 
 
-@once
+@memoized
 def has_slender_bodies(mechanism: Mechanism) -> bool:
     """Whether bodies have so much of the compliance of the output that plane stress may not hold
     for them.
@@ -405,7 +413,11 @@ def stress_by(
     return stress * thickness[0].stress_ratios(wrenches) if thickness else stress
 
 
-def _narrow_stress(layout: Layout, wrenches: Array, across: ArrayLike = 0.0) -> Array:
+def _narrow_stress(
+    layout: Layout,
+    wrenches: Array,
+    across: ArrayLike = 0.0,
+) -> Array:
     """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3) in
     the plane.
     """
@@ -428,7 +440,7 @@ def wide_stress_ratios(layout: Layout, wrenches: Array) -> Array:
     return np.divide(wide, plane, out=np.ones_like(plane), where=plane > 0)
 
 
-@once
+@memoized
 def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     """Return the response of the analytic network with rigid bodies or with elastic parts."""
     parts = joined_parts(mechanism, elastic)
@@ -451,7 +463,11 @@ def elements(
     return plane if thick is None else _thickened(mechanism.layout, plane, thick)
 
 
-def _thickened(layout: Layout, plane: Responses, thick: Thickened) -> Responses:
+def _thickened(
+    layout: Layout,
+    plane: Responses,
+    thick: Thickened,
+) -> Responses:
     """Return a plane response with the change by the thickness of hinges."""
 
     def of_parts(parts: ElasticParts) -> Array:
@@ -494,14 +510,18 @@ Bands: TypeAlias = Callable[[Array, list[Values], Sequence[Values]], Mapping[str
 The last argument is empty in the plane. In three dimensions it has variants of values, then these
 values, whose differences bound the error by the thickness: on the coarsest mesh with few and with
 many layers, or `thickness_of`. """
-OfSize: TypeAlias = Callable[..., Values]
+OnMesh: TypeAlias = Callable[..., Values]
 """Function from a resolution and a number of layers, 0 in the plane, to values.
 
 For a mechanism a third argument, `Thickened`, is the effect of the thickness to be added to a plane
 solution. """
 
 
-def value_bands(sizes: Array, each: list[Values], ends: Sequence[Values] = ()) -> dict[str, Any]:
+def value_bands(
+    sizes: Array,
+    each: list[Values],
+    ends: Sequence[Values] = (),
+) -> dict[str, Any]:
     """Return the bands of values on three meshes of resolutions `sizes`, in three dimensions with
     those of `Bands`.
 
@@ -523,9 +543,9 @@ def value_bands(sizes: Array, each: list[Values], ends: Sequence[Values] = ()) -
     }
 
 
-def by_elements(
+def element_values(
     mesh: Mesh,
-    solve: OfSize,
+    solve: OnMesh,
     progress: Progress | None = None,
     bands: Bands = value_bands,
     thickness: Sequence[Thickened] = (),
@@ -558,9 +578,8 @@ def by_elements(
 
 
 def _joined(planes: Sequence[Values], many: Values) -> Values:
-    """Return values on the finest mesh with many layers, from those on meshes with one layer, coarse
-    to fine, and with many layers on the coarsest.
-    """
+    """Return values on the finest mesh with many layers, from those on meshes with one layer,
+    coarse to fine, and with many layers on the coarsest."""
     joined = {name: planes[-1][name] + many[name] - planes[0][name] for name in many}
     return joined | {name: planes[-1][name] for name in PLACES if name in joined}
 
@@ -570,7 +589,7 @@ def by_models(
     mesh: Mesh | None,
     models: Models,
     of_network: Callable[[bool], Values],
-    of_size: OfSize,
+    on_mesh: OnMesh,
     progress: Progress | None = None,
     bands: Bands = value_bands,
 ) -> dict[str, ModelAnswer]:
@@ -589,7 +608,7 @@ def by_models(
     if mesh is None:
         return found
     thickness = () if mesh.layers else thickness_of(mechanism)
-    return found | by_elements(mesh, of_size, progress, bands, thickness=thickness)
+    return found | element_values(mesh, on_mesh, progress, bands, thickness=thickness)
 
 
 def of_models(
@@ -612,7 +631,7 @@ def of_models(
     )
 
 
-def left_out_corners(layout: Layout, mesh: StageMesh) -> list[str]:
+def left_out_corners(layout: Layout, mesh: PlaneMesh) -> list[str]:
     """Warn of sharp corners of bodies near which no stress is stated, with the rule; corners of
     hinges apart.
     """

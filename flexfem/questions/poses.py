@@ -17,7 +17,7 @@ from flexfem.questions.driven import (
     LIMITS,
     SINGULAR,
     CommandLimits,
-    Driven,
+    DriveSystem,
     stack_names,
 )
 from flexfem.questions.simplex import MULTIPLIER
@@ -81,7 +81,7 @@ class PoseSet:
     """
 
     def __init__(
-        self, system: Driven, limits: CommandLimits, load: Array, others: Sequence[str] = ()
+        self, system: DriveSystem, limits: CommandLimits, load: Array, others: Sequence[str] = ()
     ) -> None:
         self.G = system.poses
         self.rest = np.asarray(system.engaged @ load)
@@ -94,7 +94,11 @@ class PoseSet:
         norm = np.max(np.abs(limits.rows[0]) * unit, axis=1)
         self.norm = np.where(norm > 0, norm, np.maximum(np.abs(limits.bounds[0]), 1.0))
 
-    def farthest(self, C: Array, zero: tuple[int, ...] = ()) -> tuple[Array, list[LimitNames]]:
+    def maximised(
+        self,
+        C: Array,
+        zero: tuple[int, ...] = (),
+    ) -> tuple[Array, list[LimitNames]]:
         """Return the commands x (p, m) that maximise C (p, m) @ x, and the binding limits of each.
 
         zero : directions of the pose that are held at 0. Raises NothingAllowed.
@@ -110,13 +114,19 @@ class PoseSet:
         along = C @ free
         along[np.linalg.norm(along, axis=1) <= SINGULAR * np.linalg.norm(C, axis=1)] = 0.0
         Z = free @ _turned(along)
-        found = self.limits.farthest(np.zeros(p, dtype=np.int64), Z, np.tile(base, (p, 1)))
+        found = self.limits.maximised(np.zeros(p, dtype=np.int64), Z, np.tile(base, (p, 1)))
         if np.isnan(found.points).any():
             raise NothingAllowed
         X = base + np.einsum("pmd,pd->pm", Z, found.points)
         return X, [self._binding(free, *each) for each in zip(X, along, found.binding, strict=True)]
 
-    def _binding(self, free: Array, x: Array, along: Array, found: Index) -> LimitNames:
+    def _binding(
+        self,
+        free: Array,
+        x: Array,
+        along: Array,
+        found: Index,
+    ) -> LimitNames:
         """Return the limits with positive multipliers at commands x.
 
         They are of least norm if they are not unique, so that symmetry makes all alike.
@@ -146,11 +156,16 @@ class PoseSet:
             self._add_range(found, axis, "free")
         return found
 
-    def _add_range(self, found: PoseRanges, axis: int, others: str) -> None:
+    def _add_range(
+        self,
+        found: PoseRanges,
+        axis: int,
+        others: str,
+    ) -> None:
         """Add both ends of the range along an axis. Raises NothingAllowed."""
         held = others == "zero"
         zero = tuple(k for k in range(3) if k != axis) if held else ()
-        x, by = self.farthest(np.outer([-1.0, 1.0], self.G[axis]), zero)
+        x, by = self.maximised(np.outer([-1.0, 1.0], self.G[axis]), zero)
         value = self.rest[axis] + x @ self.G[axis]
         row = 0 if held else 1
         found.commands[row, :, axis] = x
@@ -160,7 +175,7 @@ class PoseSet:
             found.stops[others, DIRECTIONS[axis], end] = limits
 
 
-def _names_of_limits(system: Driven) -> list[str]:
+def _names_of_limits(system: DriveSystem) -> list[str]:
     """Return the names of the limits of `Driven.limits`, in their order."""
     drive = system.drive
     names = [f"stroke of {name}, {end}" for end in ("longest", "shortest") for name in drive.names]

@@ -51,7 +51,12 @@ def described(mechanism: Mechanism, load: Array) -> str:
     return ", ".join(parts)
 
 
-def compliance_under(mechanism: Mechanism, load: Array, resolution: int, layers: int) -> Array:
+def compliance_under(
+    mechanism: Mechanism,
+    load: Array,
+    resolution: int,
+    layers: int,
+) -> Array:
     """Return the tangent compliance (k, k) of the ports by finite elements under a load (k,)."""
     model = plates.factorised(mechanism, resolution, layers)
     if not layers:
@@ -98,7 +103,11 @@ def first_out_of_plane(mechanism: Mechanism, load: Array) -> tuple[float, float]
     return many, SAFETY * abs(many - few) + lifted_mesh_error(mechanism.layout) * many
 
 
-def _lowest_out_of_plane(mechanism: Mechanism, load: Array, layers: int) -> float:
+def _lowest_out_of_plane(
+    mechanism: Mechanism,
+    load: Array,
+    layers: int,
+) -> float:
     """Return the first natural frequency out of the plane with a number of layers, rad/s."""
     modes, _ = modes_under(mechanism, load, LIFTED_RESOLUTION, layers, True, 1, False)
     return float(modes.frequencies[0])

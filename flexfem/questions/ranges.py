@@ -160,7 +160,12 @@ class Ranges(NamedTuple):
         return np.reshape(found, (2, 2, 3, *found[0].shape))
 
 
-def slopes_of(layout: Layout, response: Responses, port: int, held: Sequence[int]) -> Array:
+def slopes_of(
+    layout: Layout,
+    response: Responses,
+    port: int,
+    held: Sequence[int],
+) -> Array:
     """Return force, highest stress of hinges and of bodies (3,) per displacement of a port, others
     held or free.
 
@@ -173,7 +178,11 @@ def slopes_of(layout: Layout, response: Responses, port: int, held: Sequence[int
     return np.array([load[port], np.max(response.stress(load) * layout.hinge_shares), bodies])
 
 
-def _unit_displacement(compliance: Array, port: int, held: Sequence[int]) -> Array:
+def _unit_displacement(
+    compliance: Array,
+    port: int,
+    held: Sequence[int],
+) -> Array:
     """Return the loads (k,) by which a port moves by one, with others held."""
     ports = [port, *held]
     load = np.zeros(len(compliance))
@@ -193,7 +202,11 @@ class _Models(NamedTuple):
     beams: DrivenPlate
 
     @classmethod
-    def of(cls, mechanism: Mechanism, mesh: Mesh | None) -> _Models:
+    def of(
+        cls,
+        mechanism: Mechanism,
+        mesh: Mesh | None,
+    ) -> _Models:
         """Return the beams of a mechanism; with finite elements they have the hinges of these."""
         layout = mechanism.layout
         if mesh is None:
@@ -218,7 +231,11 @@ class _ByBeams(NamedTuple):
     linear: _Linear
 
 
-def ranges(mechanism: Mechanism, mesh: Mesh | None, found: Mapping[str, ModelAnswer]) -> Ranges:
+def ranges(
+    mechanism: Mechanism,
+    mesh: Mesh | None,
+    found: Mapping[str, ModelAnswer],
+) -> Ranges:
     """Return the ends of the ranges of a mechanism along every direction, in both senses, others
     held or free.
 
@@ -252,7 +269,11 @@ def _by_beams(
     return _ByBeams(port, held, models.beams.end(port, held, scale, bodies / force), linear)
 
 
-def _end(models: _Models, by_beams: _ByBeams, known: list[tuple[_ByBeams, RangeEnd]]) -> RangeEnd:
+def _end(
+    models: _Models,
+    by_beams: _ByBeams,
+    known: list[tuple[_ByBeams, RangeEnd]],
+) -> RangeEnd:
     """Return an end, the image of a known one by symmetry if there is such; add it to the known."""
     for other, made in known:
         if _alike(other, by_beams):
@@ -295,7 +316,11 @@ def _body_name(layout: Layout, number: int) -> str:
     return layout.bodies[moving[number]].name if moving else ""
 
 
-def _nothing_to_hold(end: PathEnd, others: Sequence[int], lever: float) -> bool:
+def _nothing_to_hold(
+    end: PathEnd,
+    others: Sequence[int],
+    lever: float,
+) -> bool:
     """Whether the output moves along its direction by itself until a hinge yields."""
     motions = np.abs(end.at.motions[others]) * [lever if port == 2 else 1.0 for port in others]
     return end.kind == YIELD and bool(
@@ -303,7 +328,12 @@ def _nothing_to_hold(end: PathEnd, others: Sequence[int], lever: float) -> bool:
     )
 
 
-def _linear(last: ModelAnswer, axis: int, held: Sequence[int], layout: Layout) -> _Linear:
+def _linear(
+    last: ModelAnswer,
+    axis: int,
+    held: Sequence[int],
+    layout: Layout,
+) -> _Linear:
     """Return the linear slopes of the last model."""
     stiffness = "held"
     at_yield = "yield_range"
@@ -329,7 +359,11 @@ def _linear(last: ModelAnswer, axis: int, held: Sequence[int], layout: Layout) -
     return _Linear(slopes, np.array([*bands, _relative(last, rate, (body, axis))]), body)
 
 
-def _relative(last: ModelAnswer, name: str, at: int | tuple[int, int]) -> float:
+def _relative(
+    last: ModelAnswer,
+    name: str,
+    at: int | tuple[int, int],
+) -> float:
     """Return a band of the last model relative to the value; zero without a band."""
     if name not in last.bands:
         return 0.0
@@ -346,7 +380,11 @@ def _alike(known: _ByBeams, found: _ByBeams) -> bool:
     return bool(np.all(np.abs(first - second) < ALIKE * second))
 
 
-def _turned(known: RangeEnd, end: PathEnd, linear: _Linear) -> RangeEnd:
+def _turned(
+    known: RangeEnd,
+    end: PathEnd,
+    linear: _Linear,
+) -> RangeEnd:
     """Return an end that is the image of a known one."""
     sign = np.sign(end.displacement)
     stress = end.at.stress * known.stress.max() / end.at.stress.max()
@@ -390,7 +428,11 @@ def _change(end: PathEnd, strength: float) -> float:
     return float(np.max(np.abs(changes)))
 
 
-def _followed(models: _Models, mesh: Mesh, by_beams: _ByBeams) -> RangeEnd:
+def _followed(
+    models: _Models,
+    mesh: Mesh,
+    by_beams: _ByBeams,
+) -> RangeEnd:
     """Return an end of finite elements, which are solved until it is close to their displacement."""
     end = by_beams.end
     layout = models.mechanism.layout
@@ -476,7 +518,12 @@ def _opened(layout: Layout, motions: Array) -> float:
     return max([0.0, *shares])
 
 
-def _opening(mechanism: Mechanism, mesh: Mesh, port: int, held: Sequence[int]) -> Array:
+def _opening(
+    mechanism: Mechanism,
+    mesh: Mesh,
+    port: int,
+    held: Sequence[int],
+) -> Array:
     """Return the motions (k,) of all ports per displacement of one, by linear finite elements on
     the coarsest mesh.
     """
@@ -583,7 +630,12 @@ def _of_buckling(end: PathEnd, linear: _Linear) -> RangeEnd:
     )
 
 
-def _finite(models: _Models, mesh: Mesh, by_beams: _ByBeams, x: float) -> _Finite:
+def _finite(
+    models: _Models,
+    mesh: Mesh,
+    by_beams: _ByBeams,
+    x: float,
+) -> _Finite:
     """Return what finite elements find at a displacement x near an end, in three dimensions by the
     change of beams.
     """
@@ -610,7 +662,12 @@ def _compared_stress(model: PlateModel, field: Array) -> tuple[Array, Array]:
     return of_hinges * model.layout.hinge_shares, of_bodies * model.layout.body_shares
 
 
-def _thickened(found: _Finite, models: _Models, by_beams: _ByBeams, x: float) -> _Finite:
+def _thickened(
+    found: _Finite,
+    models: _Models,
+    by_beams: _ByBeams,
+    x: float,
+) -> _Finite:
     """Return finite elements in three dimensions, by the change of beams."""
     plane = _ratios(models.plane, by_beams, x)
     solid = _ratios(models.beams, by_beams, x)
@@ -629,7 +686,11 @@ class _BeamRatios(NamedTuple):
     stress: Array
 
 
-def _ratios(beams: DrivenPlate, by_beams: _ByBeams, x: float) -> _BeamRatios:
+def _ratios(
+    beams: DrivenPlate,
+    by_beams: _ByBeams,
+    x: float,
+) -> _BeamRatios:
     """Return the ratios of beams at a displacement. Raises ComputationFailed."""
     port, held, _, _ = by_beams
     reached = beams.reached(port, held, x)

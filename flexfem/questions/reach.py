@@ -12,7 +12,7 @@ from flexfem.analytic.strokes import Displaced
 from flexfem.arrays import Array, Index
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import finite, plates, setup
-from flexfem.questions.driven import Driven, stroke_limits
+from flexfem.questions.driven import DriveSystem, stroke_limits
 from flexfem.questions.plates import ON_MESHES
 from flexfem.questions.poses import PoseSet
 from flexfem.questions.setup import DEFAULT, Analytic, elements_through, options
@@ -27,9 +27,9 @@ class Reach(Result):
 
     kind_name = "mechanism_reach"
     title = "reach of the drive"
-    main = ("ends", {"others": "free"})
+    main_result = ("ends", {"others": "free"})
     labels: ClassVar = {"others": ("zero", "free"), "end": ("low", "high")}
-    reading: ClassVar[tuple[str, ...]] = (
+    footnotes: ClassVar[tuple[str, ...]] = (
         "motion relative to zero strokes; others: the other two directions, free, or held at "
         "zero by at least three actuators; an actuator acts along its line at rest",
         "analytic, elastic bodies: linear theory; other models: at finite displacement",
@@ -96,13 +96,17 @@ def reach(
     >>> found = flexfem.reach(flexfem.load("geometry/mobility6.toml"), models="analytic")
     >>> [round(1e3 * float(x), 1) for x in found.at("ends", end="high", model="analytic", direction="x")]  # um
     [24.0, 28.6]
-    """
+    """  # noqa: E501
     layers = elements_through(solid, thickness_resolution)
     mesh = plates.mesh_of(mechanism, models, resolution, layers)
     return motion_by_strokes(mechanism, mesh, models)
 
 
-def motion_by_strokes(mechanism: Mechanism, mesh: setup.Mesh | None, models: setup.Models) -> Reach:
+def motion_by_strokes(
+    mechanism: Mechanism,
+    mesh: setup.Mesh | None,
+    models: setup.Models,
+) -> Reach:
     """Return the ends of the motion of the output by the strokes of all actuators."""
     layout = mechanism.layout
     corners = _corners(mechanism)
@@ -112,14 +116,14 @@ def motion_by_strokes(mechanism: Mechanism, mesh: setup.Mesh | None, models: set
     def of_network(elastic: bool) -> plates.Values:
         return {"poses": _poses(mechanism, plates.network(mechanism, elastic), corners, None)}
 
-    def of_size(
+    def on_mesh(
         resolution: int, layers: int, thick: plates.Thickened | None = None
     ) -> plates.Values:
         label = SOLID if layers or thick is not None else ELEMENTS
         response = plates.elements(mechanism, resolution, layers, thick)
         return {"poses": _poses(mechanism, response, corners, changes.of(label))}
 
-    by_model = plates.by_models(mechanism, mesh, models, of_network, of_size)
+    by_model = plates.by_models(mechanism, mesh, models, of_network, on_mesh)
     found = {label: _ends(one, corners, changes) for label, one in by_model.items()}
     warnings = changes.warnings("at the ends", mesh)
     notes = changes.notes("at the ends", mesh)
@@ -148,7 +152,7 @@ def _corners(mechanism: Mechanism) -> _Corners:
         response = plates.network(mechanism)
     else:
         response = plates.elements(mechanism, plates.PART_RESOLUTION)
-    system = Driven.of_mechanism(mechanism, response.compliance)
+    system = DriveSystem.of_mechanism(mechanism, response.compliance)
     commands = PoseSet(system, stroke_limits(system), np.zeros(3)).ranges().commands
     if layout.joints and len(layout.actuators) <= MOST_STACKS:
         by_beams = _farthest_by_beams(mechanism, system)
@@ -162,7 +166,7 @@ def _corners(mechanism: Mechanism) -> _Corners:
     return _Corners(unique, found.reshape(commands.shape[:-1]))
 
 
-def _farthest_by_beams(mechanism: Mechanism, system: Driven) -> Array | None:
+def _farthest_by_beams(mechanism: Mechanism, system: DriveSystem) -> Array | None:
     """Return the commands (2 low and high, 3, m) of all combinations of ends of strokes that beams
     with finite rotations move farthest; None where they find no equilibrium.
     """
@@ -188,7 +192,7 @@ def _poses(
     changes: Sequence[Displaced] | None,
 ) -> Array:
     """Return the poses (c, 3) at commands by one model: linear theory, and changes (c) to add."""
-    poses = corners.commands @ Driven.of_mechanism(mechanism, response.compliance).poses.T
+    poses = corners.commands @ DriveSystem.of_mechanism(mechanism, response.compliance).poses.T
     return poses if changes is None else poses + _of_output(changes)
 
 

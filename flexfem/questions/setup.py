@@ -28,7 +28,7 @@ import numpy as np
 from flexfem import arguments
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import LAYERS, RESOLUTION, StageMesh
+from flexfem.fem.mesh import LAYERS, RESOLUTION, PlaneMesh
 from flexfem.files.provenance import Sourced, assumptions
 from flexfem.importing.drawings import load
 from flexfem.mechanism.layout import Layout
@@ -60,8 +60,8 @@ def question(function: Function, not_for: str = "") -> Function:
     ------
     BadInput
         When it is called: for a mechanism of another kind than the annotation says, for one that
-        cannot be made, for an option that does not apply to it, for a word that its `Literal` lacks,
-        and for a model that is no `Analytic`.
+        cannot be made, for an option that does not apply to it, for a word that its `Literal`
+        lacks, and for a model that is no `Analytic`.
     """
     signature = inspect.signature(function)
     subject_name = next((name for name in SUBJECTS if name in signature.parameters), "")
@@ -106,7 +106,11 @@ def options(not_for: str = "") -> Callable[[Function], Function]:
     return lambda function: question(function, not_for)
 
 
-def require_kind(name: str, mechanism: Any, expected: Any) -> None:
+def require_kind(
+    name: str,
+    mechanism: Any,
+    expected: Any,
+) -> None:
     """Raise BadInput for a mechanism of a kind that a question is not about."""
     if isinstance(mechanism, expected):
         return
@@ -160,7 +164,11 @@ def kind_of_answer(asked: Callable[..., Any], mechanism: Mechanism) -> type[Resu
     return cast(type[Result], get_type_hints(own or asked)["return"])
 
 
-def check_word(name: str, value: Any, hint: Any) -> None:
+def check_word(
+    name: str,
+    value: Any,
+    hint: Any,
+) -> None:
     """Raise BadInput for a word that the `Literal` of a parameter lacks, and for a model that is
     no `Analytic`.
     """
@@ -294,7 +302,11 @@ def _refuse_mesh(resolution: int | None, layers: int | None) -> None:
         raise BadInput(f"{stated} with models 'analytic', expected models with finite elements")
 
 
-def require_hinges(plate: Mechanism, clause: str, expected: str) -> None:
+def require_hinges(
+    plate: Mechanism,
+    clause: str,
+    expected: str,
+) -> None:
     """Raise BadInput for a plate without hinges: "no [[hinge]]", a relative clause, and what is
     `expected` instead.
     """
@@ -319,7 +331,7 @@ class MeshFields(NamedTuple):
     they are written.
     """
 
-    mesh: StageMesh
+    mesh: PlaneMesh
     made: Callable[[], dict[str, Array]]
     heights: Array | None = None
 

@@ -37,7 +37,7 @@ WorstLimit: TypeAlias = Callable[[Index, Array], Violation]
 """Limits that are no rows: function of numbers of programs (q,) and their points (q, d)."""
 
 
-class Farthest(NamedTuple):
+class Maximum(NamedTuple):
     """Points (p, d) of largest z_0, nan if infeasible, and numbers (p, d) of binding limits, -1 for
     none.
 
@@ -47,7 +47,11 @@ class Farthest(NamedTuple):
     binding: Index
 
 
-def farthest(A: Array, b: Array, worst_limit: WorstLimit | None = None) -> Farthest:
+def maximised(
+    A: Array,
+    b: Array,
+    worst_limit: WorstLimit | None = None,
+) -> Maximum:
     """Return the points (p, d) of largest z_0 with A z <= b, where z_0 is bounded.
 
     Parameters
@@ -58,7 +62,7 @@ def farthest(A: Array, b: Array, worst_limit: WorstLimit | None = None) -> Farth
     count, d = A.shape[1:]
     scaled = _scaled(A, b)
     active = _corner_of_box(len(A), d)
-    found = Farthest(np.full((len(A), d), np.nan), np.full((len(A), d), -1))
+    found = Maximum(np.full((len(A), d), np.nan), np.full((len(A), d), -1))
     todo = np.arange(len(A))
     for step in range(STEPS):
         in_order = step >= PATIENCE
@@ -90,7 +94,11 @@ class _Scaled(NamedTuple):
     unit: Array
     span: Array
 
-    def points(self, which: Index, z: Array) -> Array:
+    def points(
+        self,
+        which: Index,
+        z: Array,
+    ) -> Array:
         """Return points (q, d) of programs `which` in the unknowns of the caller."""
         return np.asarray(z * self.unit[which] / self.span[which, None])
 
@@ -131,7 +139,12 @@ class _Entering(NamedTuple):
     violated: NDArray[np.bool_]
 
 
-def _most_violated(scaled: _Scaled, todo: Index, z: Array, in_order: bool) -> _Entering:
+def _most_violated(
+    scaled: _Scaled,
+    todo: Index,
+    z: Array,
+    in_order: bool,
+) -> _Entering:
     """Return the most violated rows at points z (q, d), or the first violated ones."""
     excess = np.einsum("pkd,pd->pk", scaled.rows[todo], z) - scaled.bounds[todo]
     violated = excess > TOLERANCE * (1 + np.max(np.abs(z), axis=1, keepdims=True))
@@ -161,7 +174,7 @@ def _enter_worst(
 
 
 def _keep_solved(
-    found: Farthest,
+    found: Maximum,
     scaled: _Scaled,
     active: _Active,
     todo: Index,
@@ -186,7 +199,11 @@ class _Leaving(NamedTuple):
     exists: NDArray[np.bool_]
 
 
-def _leaving(rows: Array, inverses: Array, in_order: bool) -> _Leaving:
+def _leaving(
+    rows: Array,
+    inverses: Array,
+    in_order: bool,
+) -> _Leaving:
     """Return which active limits the entering rows (q, d) replace, by the least ratio."""
     pivots = np.einsum("pi,pij->pj", rows, inverses)  # the rows in terms of the active ones
     multipliers = np.maximum(inverses[:, 0], 0.0)

@@ -79,7 +79,7 @@ class Stiffness(Result):
     kind_name = "mechanism_stiffness"
     has_mesh_fields = True
     title = "mechanism at rest"
-    main = ("free", {})
+    main_result = ("free", {})
     figure = "plate.load_figure"
     drawn_from_fields = True
     labels: ClassVar = {**RANGE_LABELS, **LIFTED_LABELS}
@@ -430,10 +430,15 @@ def at_rest(compliance: Array) -> dict[str, Array]:
     """Return the stiffness of the output from its compliance (3, 3)."""
     K = np.asarray(np.linalg.inv(compliance))
     K = (K + K.T) / 2
-    return {"compliance": compliance, "stiffness": K, "held": np.diag(K), "free": free_stiffness(K)}
+    return {
+        "compliance": compliance,
+        "stiffness": K,
+        "held": np.diag(K),
+        "free": free_stiffness(K),
+    }
 
 
-def of_ports(mechanism: Mechanism, response: Responses) -> Values:
+def values_of_ports(mechanism: Mechanism, response: Responses) -> Values:
     """Return the values at rest, with the inputs seen from the drives.
 
     The amplification is the motion of the output, which is free, per opening of one actuator.
@@ -448,7 +453,11 @@ def of_ports(mechanism: Mechanism, response: Responses) -> Values:
     return values
 
 
-def _yield_at_rest(mechanism: Mechanism, response: Responses, rigid: Values) -> Values:
+def _yield_at_rest(
+    mechanism: Mechanism,
+    response: Responses,
+    rigid: Values,
+) -> Values:
     """Return stress per displacement of the output along one direction, and the ranges at yield.
 
     rigid : values of `at_rest`.
@@ -478,7 +487,11 @@ def _yield_at_rest(mechanism: Mechanism, response: Responses, rigid: Values) -> 
     return values
 
 
-def _first_places(layout: Layout, stress: Array, in_bodies: Array) -> Array:
+def _first_places(
+    layout: Layout,
+    stress: Array,
+    in_bodies: Array,
+) -> Array:
     """Return the places (3, 2) of the highest stress for a displacement along each direction.
 
     stress : (hinges and moving bodies, 3).   in_bodies : places (3, bodies, 2).
@@ -488,16 +501,24 @@ def _first_places(layout: Layout, stress: Array, in_bodies: Array) -> Array:
     return np.array([[*hinges, *in_bodies[axis]][part] for axis, part in enumerate(first)])
 
 
-def _values(mechanism: Mechanism, response: Responses, load: Load) -> Values:
+def _values(
+    mechanism: Mechanism,
+    response: Responses,
+    load: Load,
+) -> Values:
     """Return the values at rest, and those under the load if there is one."""
-    values = of_ports(mechanism, response)
+    values = values_of_ports(mechanism, response)
     stated = load.of(values["stiffness"])
     if stated is not None:
         values |= _values_under(mechanism.layout, response, stated)
     return values
 
 
-def _values_under(layout: Layout, response: Responses, stated: Array) -> Values:
+def _values_under(
+    layout: Layout,
+    response: Responses,
+    stated: Array,
+) -> Values:
     """Return the values under a load (n,) on the first ports: on the output, or on all points."""
     loads = np.zeros(len(response.compliance))
     loads[: len(stated)] = stated
@@ -535,7 +556,11 @@ def _by_models(asked: _Asked) -> dict[str, ModelAnswer]:
 # under a preload
 
 
-def _preload(mechanism: Mechanism, load: Load, tangent: bool) -> Array | None:
+def _preload(
+    mechanism: Mechanism,
+    load: Load,
+    tangent: bool,
+) -> Array | None:
     """Return the load (k,) at whose equilibrium the stiffness is asked for, None at rest.
 
     Raises BadInput for a tangent without a load.
@@ -569,7 +594,11 @@ def _at_preload(asked: _Asked, preload: Array) -> Stiffness:
     def by_mesh(resolution: int, layers: int) -> Array:
         return preloaded.compliance_under(mechanism, preload, resolution, layers)
 
-    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
+    def on_mesh(
+        resolution: int,
+        layers: int,
+        thick: plates.Thickened | None = None,
+    ) -> Values:
         compliance = by_mesh(resolution, layers)
         if thick is not None:
             compliance = compliance + thick.change(of_parts)
@@ -581,7 +610,7 @@ def _at_preload(asked: _Asked, preload: Array) -> Stiffness:
     notes = [UNDER_PRELOAD]
     if mesh is not None:
         thickness = () if mesh.layers else plates.thickness_of(mechanism)
-        found |= plates.by_elements(mesh, of_size, progress, thickness=thickness)
+        found |= plates.element_values(mesh, on_mesh, progress, thickness=thickness)
         if mesh.layers:
             notes.append(preloaded.IN_THREE_DIMENSIONS)
     settings = {"preload": preloaded.described(mechanism, preload)}

@@ -37,10 +37,10 @@ class Summary(Result):
 
     kind_name = "mechanism_summary"
     title = "summary"
-    main = ("free", {})
+    main_result = ("free", {})
     labels: ClassVar = {**RANGE_LABELS, **LIFTED_LABELS}
     columns = ("direction", "out of plane")
-    reading = READING
+    footnotes = READING
     stiffness = Quantity(
         "stiffness, others held", "stiffness", BY_DIRECTION, ON_MESHES, compared=False
     )
@@ -193,7 +193,9 @@ def material_of(mechanism: Mechanism) -> tuple[dict[str, Any], list[str]]:
 
 
 def at_rest_of(found: Arrays) -> Arrays:
-    """Return what a summary takes from values and bands of `stiffness`, by direction, then by model."""
+    """Return what a summary takes from values and bands of `stiffness`, by direction, then by
+    model.
+    """
     return Arrays(_at_rest_of(found.values), _at_rest_of(found.bands))
 
 
@@ -205,7 +207,11 @@ def _at_rest_of(found: Mapping[str, Array]) -> dict[str, Array]:
     return taken
 
 
-def _add_inputs(collected: _Collected, mechanism: Mechanism, found: Arrays) -> None:
+def _add_inputs(
+    collected: _Collected,
+    mechanism: Mechanism,
+    found: Arrays,
+) -> None:
     """Add amplification and stiffness at the only actuator."""
     if len(mechanism.layout.actuators) != 1:
         return
@@ -215,7 +221,11 @@ def _add_inputs(collected: _Collected, mechanism: Mechanism, found: Arrays) -> N
             target["input_stiffness"] = source["input_stiffness"][0]
 
 
-def _add_frequencies(collected: _Collected, mechanism: Mechanism, asked: Mapping[str, Any]) -> None:
+def _add_frequencies(
+    collected: _Collected,
+    mechanism: Mechanism,
+    asked: Mapping[str, Any],
+) -> None:
     """Add the first frequency in the plane, and out of it with the stiffness there."""
     first = modes(mechanism, count=1, **asked)
     collected.warnings.extend(first.warnings)

@@ -101,7 +101,11 @@ def verification(
     return results
 
 
-def _loaded(path: Path, reading: Reading, solid: bool) -> Verifiable:
+def _loaded(
+    path: Path,
+    reading: Reading,
+    solid: bool,
+) -> Verifiable:
     """Read a mechanism, a drawing or a case. Raises BadInput."""
     if is_drawing(path):
         return VerifiableMechanism(imported(path, reading).mechanism)

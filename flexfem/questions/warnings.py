@@ -29,7 +29,11 @@ RIGHT_UNIT = "is the unit right?"
 MANY_TRIANGLES = 200_000  # with 8 across the necks; three meshes take more than a minute
 
 
-def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
+def of_yield(
+    stress: float,
+    yield_strength: float,
+    where: str,
+) -> Warnings:
     """Warn of a highest stress above the yield strength, MPa; `where` names the load or command."""
     if stress <= yield_strength:
         return []

@@ -6,11 +6,11 @@ the gates of `regression` follow from the declaration.
 
 from flexfem.results.declare import ANALYTIC as ANALYTIC
 from flexfem.results.declare import AXES as AXES
-from flexfem.results.declare import COARSER as COARSER
+from flexfem.results.declare import COARSE_MESHES as COARSE_MESHES
 from flexfem.results.declare import ELEMENTS as ELEMENTS
 from flexfem.results.declare import EXACT as EXACT
-from flexfem.results.declare import FRESH as FRESH
 from flexfem.results.declare import MAGNITUDE as MAGNITUDE
+from flexfem.results.declare import NEW_MESH as NEW_MESH
 from flexfem.results.declare import SHEET as SHEET
 from flexfem.results.declare import SOLID as SOLID
 from flexfem.results.declare import SOLVED as SOLVED

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import AnyArray, Array, brief
+from flexfem.arrays import AnyArray, Array, short_repr
 from flexfem.files.refusals import as_key
 from flexfem.refused import BadInput, printed
 from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames
@@ -51,8 +51,10 @@ class Gate(NamedTuple):
 
 EXACT = Gate(1e-9)  # closed forms and small dense matrices, on any processor
 SOLVED = Gate(1e-8)  # iterative solutions, and differences of numbers
-FRESH = Gate(1.5e-5)  # finite elements on a new mesh: gmsh 4.13 to 4.15 make almost the same mesh
-COARSER = Gate(3e-4)  # finite elements on coarser meshes, and extrapolated values
+NEW_MESH = Gate(
+    1.5e-5
+)  # finite elements on a new mesh: gmsh 4.13 to 4.15 make almost the same mesh
+COARSE_MESHES = Gate(3e-4)  # finite elements on coarser meshes, and extrapolated values
 STRESS = Gate(5e-3)  # largest stress on a new mesh
 # Accepted change of a band, relative to the larger of both: meshes without symmetry keep its size.
 MAGNITUDE = 0.9
@@ -107,15 +109,31 @@ class Quantity:
     detail: bool = False
     name: str = field(default="", init=False)
 
-    def __set_name__(self, owner: type, name: str) -> None:
+    def __set_name__(
+        self,
+        owner: type,
+        name: str,
+    ) -> None:
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "unit", BY_DIRECTION.get(self.unit, self.unit))
 
     @overload
-    def __get__(self, instance: None, owner: type) -> Quantity: ...
+    def __get__(
+        self,
+        instance: None,
+        owner: type,
+    ) -> Quantity: ...
     @overload
-    def __get__(self, instance: Declared, owner: type) -> Array: ...
-    def __get__(self, instance: Declared | None, owner: type) -> Quantity | Array:
+    def __get__(
+        self,
+        instance: Declared,
+        owner: type,
+    ) -> Array: ...
+    def __get__(
+        self,
+        instance: Declared | None,
+        owner: type,
+    ) -> Quantity | Array:
         if instance is None:
             return self
         try:
@@ -194,7 +212,7 @@ class Number(NamedTuple):
     accepted_band: float
 
 
-@brief
+@short_repr
 class Fields(NamedTuple):
     """Finite-element fields of a figure.
 
@@ -229,13 +247,13 @@ class Declared:
     labels: ClassVar[Mapping[str, Sequence[str]]] = {}
     columns: ClassVar[tuple[str, ...]] = ("direction",)
     # the main result: a quantity at labels of its axes
-    main: ClassVar[tuple[str, Mapping[str, str]] | None] = None
+    main_result: ClassVar[tuple[str, Mapping[str, str]] | None] = None
     figure: ClassVar[str] = ""  # module and function that draw it, see `flexfem.plot.figures_of`
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
     has_mesh_fields: ClassVar[bool] = False  # whether `fields` may be written as VTU
     # module under flexfem that shows stored results with fields: `write_stored`, `stored_section`
     stored_by: ClassVar[str] = ""
-    reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
+    footnotes: ClassVar[tuple[str, ...]] = ()  # sentences below every table
     # key of the file that the main result depends on: its warning is printed first
     main_key: ClassVar[str] = ""
     quantities: ClassVar[dict[str, Quantity]] = {}
@@ -325,7 +343,11 @@ class Declared:
             return np.asarray(arrays[quantity][place])
         return np.full_like(self.values[quantity][place], np.nan)
 
-    def _index(self, quantity: str, labels: Mapping[str, str]) -> tuple[int | slice, ...]:
+    def _index(
+        self,
+        quantity: str,
+        labels: Mapping[str, str],
+    ) -> tuple[int | slice, ...]:
         """Return the index of a part. Raises BadInput for an unknown quantity, axis or label."""
         if quantity not in self.values:
             raise BadInput(
@@ -341,7 +363,11 @@ class Declared:
                 )
         return tuple(self._index_along(axis, labels) for axis in over)
 
-    def _index_along(self, axis: str, labels: Mapping[str, str]) -> int | slice:
+    def _index_along(
+        self,
+        axis: str,
+        labels: Mapping[str, str],
+    ) -> int | slice:
         return self.axes[axis].index(labels[axis]) if axis in labels else slice(None)
 
     def entries(self) -> Iterator[Number]:
@@ -398,7 +424,11 @@ class Declared:
             largest = np.max(values * weights, axis=-1, keepdims=True)
         return np.asarray(largest / weights + 0.0 * values)
 
-    def _weights(self, values: Array, power: int) -> Array:
+    def _weights(
+        self,
+        values: Array,
+        power: int,
+    ) -> Array:
         """Return factors of the last axis: a power of the lever for its third label, else 1."""
         weights = np.ones(values.shape[-1:])
         if power:

@@ -80,7 +80,12 @@ def _with_unit(heading: str, unit: Unit) -> str:
     return f"{heading} ({unit.plain})" if unit.plain else heading
 
 
-def _append(columns: dict[str, list[float]], heading: str, row: int, value: float) -> None:
+def _append(
+    columns: dict[str, list[float]],
+    heading: str,
+    row: int,
+    value: float,
+) -> None:
     """Set the value of a column in a row; rows before it that have none are nan."""
     column = columns.setdefault(heading, [])
     column += [np.nan] * (row - len(column))

@@ -76,7 +76,11 @@ def _sources(provenance: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _table_of_records(title: str, records: Sequence[Any], plain: bool) -> TextTable:
+def _table_of_records(
+    title: str,
+    records: Sequence[Any],
+    plain: bool,
+) -> TextTable:
     """Return a table with a row for each named tuple, or a column where it would be too wide."""
     head = list[str]()
     for name in records[0]._fields:
@@ -90,7 +94,11 @@ def _table_of_records(title: str, records: Sequence[Any], plain: bool) -> TextTa
     return TextTable(head, rows, sum(isinstance(part, int | str) for part in records[0][:2]), title)
 
 
-def _text(value: Any, unit: str = "", digits: int = 8) -> str:
+def _text(
+    value: Any,
+    unit: str = "",
+    digits: int = 8,
+) -> str:
     """Return a value as text; the numbers of a list have six digits at most."""
     if hasattr(value, "_asdict"):
         value = value._asdict()

@@ -50,12 +50,17 @@ class TableGroup(NamedTuple):
 class Tables:
     """Tables of a result; with `plain`, units are in ASCII and places below a value, for terminals.
 
-    With `brief` they leave out details, and lengths and angles in a column share a unit.
+    With `short_repr` they leave out details, and lengths and angles in a column share a unit.
 
     Differences of the first model from the last follow the rows of the last model.
     """
 
-    def __init__(self, result: Declared, plain: bool, brief: bool = False) -> None:
+    def __init__(
+        self,
+        result: Declared,
+        plain: bool,
+        brief: bool = False,
+    ) -> None:
         self.result = result
         self.plain = plain
         self.brief = brief
@@ -129,7 +134,12 @@ class Tables:
         shown = [[row[k] for k in kept] for row in rows]
         return TextTable([head[k] for k in kept], shown, names, caption)
 
-    def _headed(self, text: str, quantity: Quantity, column: int) -> str:
+    def _headed(
+        self,
+        text: str,
+        quantity: Quantity,
+        column: int,
+    ) -> str:
         """Return the heading of a column with its unit, unless the cells contain the unit."""
         spread = self._spread(quantity)
         place = tuple(column if axis == spread else 0 for axis in quantity.over)
@@ -149,7 +159,11 @@ class Tables:
         """Whether all numbers of a column have one unit with a prefix, which its heading states."""
         return self.brief and quantity.prefixed and self._spread(quantity) == "direction"
 
-    def _shared_unit(self, quantity: Quantity, column: int) -> Unit:
+    def _shared_unit(
+        self,
+        quantity: Quantity,
+        column: int,
+    ) -> Unit:
         """Return the unit with a prefix of the largest number in the column of a direction."""
         axis = quantity.over.index("direction")
         values = self.result.internal.values[quantity.name]
@@ -160,7 +174,11 @@ class Tables:
         place = tuple(column if each == "direction" else 0 for each in quantity.over)
         return _prefixed_unit(quantity.unit_at(place), float(largest), np.nan)
 
-    def _rows(self, group: TableGroup, with_unit: bool = False) -> list[list[str]]:
+    def _rows(
+        self,
+        group: TableGroup,
+        with_unit: bool = False,
+    ) -> list[list[str]]:
         """Return rows of quantities with the same axes, without empty ones."""
         over = group.rows
         rows = list[list[str]]()
@@ -188,7 +206,12 @@ class Tables:
         found = [axis for axis in quantity.over if axis in self.result.columns]
         return found[-1] if found else ""
 
-    def shown(self, quantity: Quantity, over: Sequence[str], place: Sequence[int]) -> list[Place]:
+    def shown(
+        self,
+        quantity: Quantity,
+        over: Sequence[str],
+        place: Sequence[int],
+    ) -> list[Place]:
         """Return the indices of the values in the cells of a row.
 
         Of axes that are neither rows nor columns it is the first of the largest values.
@@ -208,7 +231,12 @@ class Tables:
             found.append(candidates[int(np.argmax(are_largest))])  # the first of equal ones
         return found
 
-    def cell(self, quantity: Quantity, at: Place, with_unit: bool) -> str:
+    def cell(
+        self,
+        quantity: Quantity,
+        at: Place,
+        with_unit: bool,
+    ) -> str:
         """Return the text of a value with its band; of a largest value with its place."""
         value, band = self._rounded(quantity, at)
         unit = quantity.unit_at(at)
@@ -230,7 +258,11 @@ class Tables:
             return where  # its number is always 1
         return f"{text}\n{where}" if self.plain else f"{text} ({where})"
 
-    def _rounded(self, quantity: Quantity, at: Place) -> tuple[float, float]:
+    def _rounded(
+        self,
+        quantity: Quantity,
+        at: Place,
+    ) -> tuple[float, float]:
         """Return a value and its band in internal units: 0 and nan where they are round-off."""
         result = self.result
         value = float(result.internal.values[quantity.name][at])
@@ -240,7 +272,12 @@ class Tables:
             return 0.0, np.nan
         return value, band if band > BAND_FLOOR * size else np.nan
 
-    def _differences(self, quantity: Quantity, over: Sequence[str], place: Place) -> list[str]:
+    def _differences(
+        self,
+        quantity: Quantity,
+        over: Sequence[str],
+        place: Place,
+    ) -> list[str]:
         """Return the differences of the first model from the last, %, for the cells of a row.
 
         There is none from a value that is zero within its band.
@@ -262,7 +299,7 @@ class Tables:
     def answer(self) -> str:
         """Return the main result in one line, "" without one."""
         result = self.result
-        name, labels = result.main or ("", {})
+        name, labels = result.main_result or ("", {})
         if name not in result.values:
             return ""
         one = result.quantities[name]
@@ -278,7 +315,11 @@ class Tables:
         where = f" ({', '.join(fixed.values())})" if fixed else ""
         return f"{one.meaning}{where}: {'; '.join(parts[:MOST_LISTED])}{more}"
 
-    def _listed(self, one: Quantity, fixed: Mapping[str, str]) -> dict[str, list[str]]:
+    def _listed(
+        self,
+        one: Quantity,
+        fixed: Mapping[str, str],
+    ) -> dict[str, list[str]]:
         """Return the values of a quantity at labels of some axes, by the labels of the others.
 
         Values along a direction, or along the last axis, share a list.
@@ -310,7 +351,11 @@ def _changed_names(labels: Sequence[str], last: Sequence[str]) -> list[str]:
     return [label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)]
 
 
-def _prefixed_unit(unit: Unit, value: float, band: float) -> Unit:
+def _prefixed_unit(
+    unit: Unit,
+    value: float,
+    band: float,
+) -> Unit:
     """Return the unit with a prefix for a length or an angle, of its band where this is larger."""
     if not value:
         return Unit(unit.factor, "")
@@ -328,8 +373,8 @@ def heading(result: Declared) -> str:
 
 
 def sentences(result: Declared, brief: bool = False) -> list[str]:
-    """Return the explanations below the tables; with `brief` those of details are left out."""
-    found = list(result.reading)
+    """Return the explanations below the tables; with `short_repr` those of details are left out."""
+    found = list(result.footnotes)
     for name, one in result.quantities.items():
         if one.note and name in result.values and not (brief and _needs_no_note(one)):
             found.append(f"{one.meaning}: {one.note}")
@@ -408,7 +453,11 @@ def html_table(content: TextTable) -> str:
     return f'<table style="margin-top: 1em">{caption}{"".join(lines)}</table>'
 
 
-def _html_row(tag: str, row: Sequence[str], names: int) -> str:
+def _html_row(
+    tag: str,
+    row: Sequence[str],
+    names: int,
+) -> str:
     cells = list[str]()
     for k, text in enumerate(row):
         side = "left" if k < names else "right"

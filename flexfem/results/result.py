@@ -135,7 +135,11 @@ class Result(Declared):
         """Return the declaration as a table for the documentation."""
         return declaration_table(cls)
 
-    def tables(self, plain: bool = True, brief: bool = False) -> list[TextTable]:
+    def tables(
+        self,
+        plain: bool = True,
+        brief: bool = False,
+    ) -> list[TextTable]:
         """Return the tables: one for each quantity with axes as rows and columns; others share one.
 
         plain : write units in ASCII, for terminals.
@@ -159,7 +163,7 @@ class Result(Declared):
         return heading(self)
 
     def sentences(self, brief: bool = False) -> list[str]:
-        """Return the explanations below the tables, with `brief` without those of details."""
+        """Return the explanations below the tables, with `short_repr` without those of details."""
         return sentences(self, brief)
 
     def left_out(self) -> list[str]:
@@ -175,7 +179,11 @@ class Result(Declared):
         drawn = named("plot.inline.inline_figure")(self) if self.figure else ""
         return f"{html(self)}{drawn}"
 
-    def to_frame(self, *quantities: str, long: bool = False) -> Any:
+    def to_frame(
+        self,
+        *quantities: str,
+        long: bool = False,
+    ) -> Any:
         """Return numbers as a pandas DataFrame, with a row for each model, case or mode.
 
         A column is a quantity at labels of its other axes, with its unit in its name, such as

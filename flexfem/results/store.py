@@ -114,7 +114,11 @@ def _schema_of_quantity(one: Quantity) -> dict[str, Any]:
     return _schema_of_table(one.meaning, parts, "bands")
 
 
-def _schema_of_table(description: str, properties: dict[str, Any], optional: str) -> dict[str, Any]:
+def _schema_of_table(
+    description: str,
+    properties: dict[str, Any],
+    optional: str,
+) -> dict[str, Any]:
     """Return the JSON schema of an object with these keys and no others."""
     return {
         "description": description,

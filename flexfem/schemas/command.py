@@ -30,9 +30,9 @@ class Schema(dict[str, Any]):
 def schema(name: str | None = None, *, output: Path | None = None) -> Schema | list[Path]:
     """Give the JSON schema of a kind of file, or the table of its keys.
 
-    Editors and programs use the schema to check the file. It lists the hinge formulas, materials and stacks that are known now, including your
-    own. Editors that know TOML complete and check a file whose first line is `#:schema` and the
-    path of a schema.
+    Editors and programs use the schema to check the file. It lists the hinge formulas, materials
+    and stacks that are known now, including your own. Editors that know TOML complete and check a
+    file whose first line is `#:schema` and the path of a schema.
 
     Parameters
     ----------

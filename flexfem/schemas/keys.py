@@ -57,7 +57,11 @@ def tables_of(name: str) -> list[KeyTable]:
     return list(_tables(of, "", False))
 
 
-def _tables(of: dict[str, Any], name: str, array: bool) -> Iterator[KeyTable]:
+def _tables(
+    of: dict[str, Any],
+    name: str,
+    array: bool,
+) -> Iterator[KeyTable]:
     """Yield a table and the tables in it."""
     inner = list[tuple[str, dict[str, Any], bool]]()
     rows = list[KeyRow]()
@@ -73,7 +77,11 @@ def _tables(of: dict[str, Any], name: str, array: bool) -> Iterator[KeyTable]:
         yield from _tables(value, f"{name}.{key}" if name else key, many)
 
 
-def _row(key: str, value: dict[str, Any], needed: bool) -> KeyRow:
+def _row(
+    key: str,
+    value: dict[str, Any],
+    needed: bool,
+) -> KeyRow:
     """Return the row of a key with a schema."""
     number = value
     while "items" in number:

@@ -22,7 +22,11 @@ from flexfem.study.plan import Study
 LOOKED_AT = 1000  # designs of a sample between whose extremes a factor is varied
 
 
-def answer(loaded: LoadedStudy, start: int, stop: int) -> Rows:
+def answer(
+    loaded: LoadedStudy,
+    start: int,
+    stop: int,
+) -> Rows:
     """Return the rows of the designs from `start` up to `stop`."""
     batch = loaded.family.batch
     step = max(stop - start, 1) if batch is None else batch.most
@@ -51,7 +55,11 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     return _batched_rows(loaded, batch, values)
 
 
-def _batched_rows(loaded: LoadedStudy, batch: Batch, values: Array) -> Rows:
+def _batched_rows(
+    loaded: LoadedStudy,
+    batch: Batch,
+    values: Array,
+) -> Rows:
     """Return the rows of designs (n, columns) whose outputs a batch computes, all or some."""
     found = batch.rows(values, refusals_of(loaded, values))
     status = np.where(found.reasons == "", "ok", "refused").astype(object)
@@ -113,7 +121,11 @@ def _row(loaded: LoadedStudy, values: Array) -> Rows:
     return row_of(status, reason, np.full(len(loaded.outputs), np.nan))
 
 
-def with_warnings(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
+def with_warnings(
+    loaded: LoadedStudy,
+    values: Array,
+    rows: Rows,
+) -> Rows:
     """Return the rows of designs (n, columns) with warnings as reasons, such as a formula used
     outside its range.
     """

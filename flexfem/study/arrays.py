@@ -2,9 +2,8 @@
 
 The numbers are those of `stiffness` at rest. Closed-form conditions refuse designs: the limits of
 all numbers of the file, profiles that do not exist, cuts lower than their hinge, actuators without
-a direction. Overlaps and clearances of the drawing are not checked; a study with `check = "drawing"`
-computes designs one after the other, and a search draws the designs that it takes.
-"""
+a direction. Overlaps and clearances of the drawing are not checked; a study with `check =
+"drawing"` computes designs one after the other, and a search draws the designs that it takes."""
 
 from __future__ import annotations
 
@@ -51,7 +50,11 @@ class _Output(NamedTuple):
     factor: float
 
 
-def batch(base: Mechanism, study: Study, columns: Sequence[Column]) -> Batch | None:
+def batch(
+    base: Mechanism,
+    study: Study,
+    columns: Sequence[Column],
+) -> Batch | None:
     """Return the designs of a study as arrays, None where they are computed one after the other.
 
     These are designs that are drawn, those that differ in what has no arrays, such as a number of
@@ -108,7 +111,11 @@ class ArrayBatch:
         """All outputs of the study."""
         return self.study.outputs
 
-    def rows(self, values: Array, reasons: AnyArray) -> BatchRows:
+    def rows(
+        self,
+        values: Array,
+        reasons: AnyArray,
+    ) -> BatchRows:
         """Return the results of designs (n, columns)."""
         reasons = reasons.astype(object)
         self._refuse_limits(values, reasons)
@@ -147,7 +154,11 @@ class ArrayBatch:
         }
         return self.base.layouts(given, len(values))
 
-    def _refuse_limits(self, values: Array, reasons: AnyArray) -> None:
+    def _refuse_limits(
+        self,
+        values: Array,
+        reasons: AnyArray,
+    ) -> None:
         """Refuse values outside the limits of their keys."""
         for column, numbers in zip(self.columns, values.T, strict=True):
             for path in column.keys:
@@ -156,7 +167,11 @@ class ArrayBatch:
                     value = float(numbers[index])
                     reasons[index] = f"{path} = {value:g}, expected {limits.expected(value)}"
 
-    def _with_equal_corners(self, values: Array, designs: AnyArray) -> list[AnyArray]:
+    def _with_equal_corners(
+        self,
+        values: Array,
+        designs: AnyArray,
+    ) -> list[AnyArray]:
         """Return the designs in groups whose leaves have fillets alike, or are without them."""
         patterns = np.zeros(len(designs), dtype=np.int64)
         for hinge in self._layouts(values[designs]).hinges:
@@ -177,7 +192,11 @@ class ArrayBatch:
 
     # wide hinges
 
-    def _ratios(self, layouts: Layouts, hinge: HingeDesigns) -> Array | None:
+    def _ratios(
+        self,
+        layouts: Layouts,
+        hinge: HingeDesigns,
+    ) -> Array | None:
         if self.base.model != "three_dimensional":
             return None
         is_search = self.study.count == 1  # which has no number of designs
@@ -255,7 +274,11 @@ class _Space(NamedTuple):
         shares[1 + np.arange(count), np.arange(count)] = 0.6
         return self.at(shares)
 
-    def points(self, moved: AnyArray, count: int) -> Array:
+    def points(
+        self,
+        moved: AnyArray,
+        count: int,
+    ) -> Array:
         """Return factor values (count, columns) that fill the ranges of the `moved` columns."""
         shares = np.full((count, len(self.low)), 0.5)
         shares[:, moved] = chebyshev_points(len(moved), count)

@@ -57,7 +57,11 @@ class Batch(Protocol):
     def part(self) -> int:
         """Designs in one part of a study, which takes some seconds if `outputs` are all."""
 
-    def rows(self, values: Array, reasons: AnyArray) -> BatchRows:
+    def rows(
+        self,
+        values: Array,
+        reasons: AnyArray,
+    ) -> BatchRows:
         """Return the results of designs (n, columns); `most` is kept by the caller.
 
         reasons : (n,), reasons of designs that the study has refused already, "" for the others.

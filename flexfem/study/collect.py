@@ -39,7 +39,11 @@ class Collected(NamedTuple):
     open: int
 
 
-def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
+def collect(
+    parts: Parts,
+    path: Path,
+    partial: bool = False,
+) -> Collected:
     """Write the table of a study; the same parts give the same bytes.
 
     Parameters
@@ -71,7 +75,11 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     return Collected(path, designs, count - designs)
 
 
-def _finished(parts: Parts, found: Survey, partial: bool) -> int:
+def _finished(
+    parts: Parts,
+    found: Survey,
+    partial: bool,
+) -> int:
     """Return the number of finished designs. Raises BadInput where these cannot be collected."""
     if found.damaged:
         first, *rest = found.damaged.values()
@@ -203,7 +211,11 @@ def counted_warnings(reasons: Counter[str]) -> list[str]:
 class _Stored(dict[str, Array]):
     """Columns of a Parquet file, read at each access."""
 
-    def __init__(self, path: Path, names: Iterable[str]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        names: Iterable[str],
+    ) -> None:
         super().__init__()
         self._path = path
         self._names = frozenset(names)

@@ -39,7 +39,12 @@ class Group(NamedTuple):
         return tuple(self.labels)
 
 
-def _by_direction(name: str, label: str, unit: str = "um", angular: str = "mrad") -> dict[str, str]:
+def _by_direction(
+    name: str,
+    label: str,
+    unit: str = "um",
+    angular: str = "mrad",
+) -> dict[str, str]:
     """Return the label of one column for each direction."""
     units = zip(DIRECTIONS, "XYθ", (unit, unit, angular), strict=True)
     return {f"{name}_{axis}_{ending}": label.format(letter) for axis, letter, ending in units}
@@ -63,12 +68,12 @@ GROUPS = (
     ),
     Group(
         _by_direction("stress", "peak neck stress per {}", "mpa_per_um", "mpa_per_mrad"),
-        "highest von Mises stress at a neck per displacement of the platform in that direction, others held; `fe`: "
-        "up to 1 % low at resolution 4, falling with the square of the resolution; `analytic`: bending and tension "
+        "highest von Mises stress at a neck per displacement of the platform in that direction, others held; `fe`: "  # noqa: E501
+        "up to 1 % low at resolution 4, falling with the square of the resolution; `analytic`: bending and tension "  # noqa: E501
         "with Neuber's stress concentration, without shear. Against finite elements: within 1 % with "
-        '`formula = "calibrated"` and `links`, 1 to 9 % high with rigid links; 10 to 22 % and 14 to 34 % high with the '
-        "default formula, because its hinges are too stiff (`benchmarks/stress.py`). On a base stage with "
-        '`model = "corrected"`: within 2 % of three dimensions with `formula = "calibrated"` and `links` '
+        '`formula = "calibrated"` and `links`, 1 to 9 % high with rigid links; 10 to 22 % and 14 to 34 % high with the '  # noqa: E501
+        "default formula, because its hinges are too stiff (`benchmarks/stress.py`). On a base stage with "  # noqa: E501
+        '`model = "corrected"`: within 2 % of three dimensions with `formula = "calibrated"` and `links` '  # noqa: E501
         "(`benchmarks/solid_stress.py`)",
     ),
     Group(
@@ -229,7 +234,11 @@ class Rows(NamedTuple):
     values: Array
 
 
-def row_of(status: str, reason: str, values: ArrayLike) -> Rows:
+def row_of(
+    status: str,
+    reason: str,
+    values: ArrayLike,
+) -> Rows:
     """Return the row of one design with values (outputs,), which are nan where the status is not
     "ok".
     """

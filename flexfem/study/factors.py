@@ -67,18 +67,31 @@ class Factor(Table):
         default=None, min_length=1, max_length=MANY, examples=[[0.3, 0.5, 0.8]]
     )
     """List of values: the points of a grid, otherwise equally likely"""
-    start: AnyNumber | None = Field(default=None, alias="from", examples=[0.3])
+    start: AnyNumber | None = Field(
+        default=None,
+        alias="from",
+        examples=[0.3],
+    )
     """Start of a range, with `to`"""
-    end: AnyNumber | None = Field(default=None, alias="to", examples=[1.0])
+    end: AnyNumber | None = Field(
+        default=None,
+        alias="to",
+        examples=[1.0],
+    )
     """End of the range"""
     scale: Literal["linear", "log"] = "linear"
     """Scale on which the range is uniform"""
-    points: int | None = Field(default=None, ge=2, le=MANY, examples=[5])
+    points: int | None = Field(
+        default=None,
+        ge=2,
+        le=MANY,
+        examples=[5],
+    )
     """Number of points of a range, in a grid only"""
     distribution: Literal["normal", "uniform"] | None = None
-    """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`,
-    `upper`. The values of a list or range must be within the limits of the key; a distribution may
-    exceed them, and a design outside is `refused` with its reason """
+    """`normal` with `sd`, `mean` and, to truncate it, `design_arrays`, `upper`; `uniform` with
+    `design_arrays`, `upper`. The values of a list or range must be within the limits of the key; a
+    distribution may exceed them, and a design outside is `refused` with its reason """
     mean: AnyNumber | None = Field(default=None, examples=[0.5])
     """Mean of a normal distribution, by default the value of the base stage"""
     sd: AnyPositive | None = Field(default=None, examples=[0.005])

@@ -74,7 +74,12 @@ class Family:
     # whether every design is a mechanism that was checked when it was made
     makes_checked = True
 
-    def __init__(self, base: Mechanism, study: Study, columns: Sequence[Column]) -> None:
+    def __init__(
+        self,
+        base: Mechanism,
+        study: Study,
+        columns: Sequence[Column],
+    ) -> None:
         self.base = base
         self.study = study
         self.columns = tuple(columns)
@@ -88,7 +93,11 @@ class Family:
         expected = "factors with keys parameters.NAME for a mechanism"
         return Misfit(("stage",), f"stage = {shown(self.study.stage)}, expected {expected}")
 
-    def columns_of(self, factor: Factor, unused_keys: frozenset[str]) -> list[Column]:
+    def columns_of(
+        self,
+        factor: Factor,
+        unused_keys: frozenset[str],
+    ) -> list[Column]:
         """Return the columns of a factor on the base.
 
         A normal distribution without a mean takes the value of the base. unused_keys : key paths on
@@ -99,7 +108,11 @@ class Family:
         """
         return [self._on_base(column, unused_keys) for column in columns_of([factor])]
 
-    def _on_base(self, column: Column, unused_keys: frozenset[str]) -> Column:
+    def _on_base(
+        self,
+        column: Column,
+        unused_keys: frozenset[str],
+    ) -> Column:
         names = ", ".join(column.keys)
         column_keys = [keys()[path] for path in column.keys]
         factor = column.factor
@@ -143,7 +156,11 @@ class Family:
             return False
         return all(self.is_fixed(path) for path in self._expression_of(name).parameters.values())
 
-    def values_of_key(self, path: str, known: dict[str, Array]) -> Array:
+    def values_of_key(
+        self,
+        path: str,
+        known: dict[str, Array],
+    ) -> Array:
         """Return the values (n,) of a key in the designs, or (1,) of the base; file units.
 
         known : factor values (n,) by the name of their column.
@@ -157,7 +174,11 @@ class Family:
             return np.full(1, keys()[path].value_in(self.base), dtype=np.float64)
         return self._dependent_values(path, known)
 
-    def _dependent_values(self, path: str, known: dict[str, Array]) -> Array:
+    def _dependent_values(
+        self,
+        path: str,
+        known: dict[str, Array],
+    ) -> Array:
         """Return the values (n,) of a key that depends on columns."""
         text, parameters = self._expression_of(path)
         values = {name: self.values_of_key(key, known) for name, key in parameters.items()}
@@ -226,7 +247,11 @@ class Family:
         """
         return [float(each) for each in self.numbers(design).T.flat]
 
-    def numbers(self, design: Mechanism, paths: Sequence[str] | None = None) -> Array:
+    def numbers(
+        self,
+        design: Mechanism,
+        paths: Sequence[str] | None = None,
+    ) -> Array:
         """Return numbers of questions about a design and their bands, (paths, 2).
 
         paths : by default those of `Study.ask`. Raises BadInput, ComputationFailed.
@@ -275,7 +300,11 @@ class Family:
             return ASKED
         return self.batch.part
 
-    def flags(self, values: Array, rows: Rows) -> list[Flag]:
+    def flags(
+        self,
+        values: Array,
+        rows: Rows,
+    ) -> list[Flag]:
         """Return warnings about the results of designs (n, columns)."""
         everywhere = np.ones(len(values), dtype=bool)
         return [Flag(text, everywhere) for text in self.left_out]
@@ -294,7 +323,11 @@ class Family:
         """Return whether the analytic model shows all that a factor changes in finite elements."""
         return False
 
-    def is_without_effect(self, one: Array, other: Array) -> bool:
+    def is_without_effect(
+        self,
+        one: Array,
+        other: Array,
+    ) -> bool:
         """Return whether two designs (columns,) are the same mechanism."""
         try:
             first = self.mechanism(one)
@@ -330,7 +363,11 @@ class Family:
         return f"{single}; {arrays.HOW_CHECKED}"
 
 
-def family_of(base: Mechanism, study: Study, columns: Sequence[Column] = ()) -> Family:
+def family_of(
+    base: Mechanism,
+    study: Study,
+    columns: Sequence[Column] = (),
+) -> Family:
     """Return the designs of a study on a base."""
     make = base.answering("family") or Family
     family: Family = make(base, study, columns)

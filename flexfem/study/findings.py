@@ -60,7 +60,11 @@ def findings(source: Source) -> dict[str, Record | Refused]:
     return records
 
 
-def _require_drawable(source: Source, kind: str, name: str) -> None:
+def _require_drawable(
+    source: Source,
+    kind: str,
+    name: str,
+) -> None:
     table = source.table
     sizes = np.abs(source.column(name))
     bad = np.flatnonzero(table.ok & (sizes != 0) & ~((sizes >= 1 / LARGEST) & (sizes <= LARGEST)))

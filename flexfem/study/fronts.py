@@ -105,7 +105,11 @@ class _FrontDesigns:
                 return float(self.points[place, 1] / base[1])
         return None
 
-    def notes(self, power: float | None, gain: float | None) -> list[str]:
+    def notes(
+        self,
+        power: float | None,
+        gain: float | None,
+    ) -> list[str]:
         """Return lines on the slope of the front and on its best design."""
         x_axis, y_axis = (self.axes[name] for name in self.names)
         notes = list[str]()
@@ -126,7 +130,11 @@ class _FrontDesigns:
         rows = self.rows[places]
         return {name: self.source.column(name)[rows].tolist() for name in self.axes}
 
-    def chosen(self, front: Index, count: int) -> list[Chosen]:
+    def chosen(
+        self,
+        front: Index,
+        count: int,
+    ) -> list[Chosen]:
         """Return at most `count` designs along a front, with the numbers below them."""
         along = []
         for name, values in zip(self.names, self.points[front].T, strict=True):

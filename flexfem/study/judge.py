@@ -21,7 +21,11 @@ class Judged(NamedTuple):
     feasible: AnyArray
 
 
-def judge(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> Judged:
+def judge(
+    loaded: LoadedStudy,
+    columns: Mapping[str, Array],
+    ok: AnyArray,
+) -> Judged:
     """Evaluate the derived outputs and constraints of designs.
 
     columns : factors and outputs of the model, (n,) each, by name, file units.   ok : which have a
@@ -59,7 +63,12 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
     return reason
 
 
-def evaluated(loaded: LoadedStudy, expression: str, known: dict[str, Array], size: int) -> Array:
+def evaluated(
+    loaded: LoadedStudy,
+    expression: str,
+    known: dict[str, Array],
+    size: int,
+) -> Array:
     """Return the value (size,) of an expression in file units; nan where a column is missing.
 
     known : factors and outputs, (n,) each, by name; derived outputs and keys that are used are

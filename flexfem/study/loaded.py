@@ -80,7 +80,11 @@ class LoadedStudy:
         """
         return self.assumptions_with("study", self.study)
 
-    def assumptions_with(self, prefix: str, file: Sourced) -> Assumptions:
+    def assumptions_with(
+        self,
+        prefix: str,
+        file: Sourced,
+    ) -> Assumptions:
         """Return the assumptions of the base, and of the file with the questions."""
         of_base = self.family.assumptions
         of_file = Assumptions(
@@ -155,7 +159,11 @@ def load_study(path: PathLike) -> LoadedStudy:
     return LoadedStudy(Path(path), study, family.base, family.columns, Path(path).stem, table)
 
 
-def base_of(path: PathLike, asked: Asked, study: Study) -> Family:
+def base_of(
+    path: PathLike,
+    asked: Asked,
+    study: Study,
+) -> Family:
     """Return the family of the base that a file names, with the columns of its factors.
 
     Raises BadInput with file, line and key, also where an expression uses a key that the base
@@ -189,7 +197,11 @@ def base_mechanism(path: PathLike, study: Study) -> Mechanism:
     return base
 
 
-def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
+def sample(
+    loaded: LoadedStudy,
+    start: int,
+    stop: int,
+) -> Array:
     """Return the factor values (stop - start, columns) of the designs from `start` up to `stop`, in
     file units.
 

@@ -46,7 +46,11 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     )
 
 
-def _notes(source: Source, value: str, cells: Cells) -> list[str]:
+def _notes(
+    source: Source,
+    value: str,
+    cells: Cells,
+) -> list[str]:
     """Return lines on the mean in a cell, and on the mesh band of an error."""
     notes = list[str]()
     if cells.averaged:
@@ -74,7 +78,11 @@ def _extremes(cells: Cells, labels: dict[str, str]) -> FigureTable:
     return FigureTable("Extremes of the map", {"end": "", **labels}, rows)
 
 
-def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
+def cells_of(
+    source: Source,
+    names: tuple[str, str],
+    value: str,
+) -> Cells:
     """Return a column over two factors, as means in cells of these where other factors vary too."""
     table = source.table
     factors = [column.name for column in source.loaded.columns if column.name not in names]
@@ -139,7 +147,11 @@ def _bins(source: Source, name: str) -> _Bins:
     return _binned(source.table.columns[name], most, scales[name] == "log")
 
 
-def _binned(column: Array, bins: int, log: bool) -> _Bins:
+def _binned(
+    column: Array,
+    bins: int,
+    log: bool,
+) -> _Bins:
     levels, group = np.unique(column, return_inverse=True)
     if len(levels) <= bins:
         return _Bins(levels, np.asarray(group, dtype=np.int64))

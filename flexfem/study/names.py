@@ -92,7 +92,7 @@ def model_words(loaded: LoadedStudy) -> str:
     model = {
         "analytic": f"Analytic model: {analytic}",
         "fe": f"Finite elements: {meshed}",
-        "three_dimensional": f"Finite elements in three dimensions: {meshed}, {layers} in half the thickness",
+        "three_dimensional": f"Finite elements in three dimensions: {meshed}, {layers} in half the thickness",  # noqa: E501
         "verify": f"Finite elements ({meshed}) against the analytic model ({analytic})",
     }[study.model]
     return model if base.model == "plane_stress" else f"{model}, {base.model.replace('_', ' ')}"

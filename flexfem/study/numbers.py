@@ -26,7 +26,11 @@ class _Banded(NamedTuple):
     band: float
 
 
-def asked_numbers(mechanism: Mechanism, paths: Sequence[str], settings: Mapping[str, Any]) -> Array:
+def asked_numbers(
+    mechanism: Mechanism,
+    paths: Sequence[str],
+    settings: Mapping[str, Any],
+) -> Array:
     """Return the numbers at paths and their bands, (paths, 2); nan without a band.
 
     Parameters

@@ -104,7 +104,11 @@ class _Names:
             raise refusal(f"a unique name, not {shown(name)} again", *at)
         self.known.add(name)
 
-    def require_known(self, expression: str, place: KeyPath) -> None:
+    def require_known(
+        self,
+        expression: str,
+        place: KeyPath,
+    ) -> None:
         """Raise a refusal for a name in an expression that no column or key has."""
         for name in names_in(expression):
             if name not in self.known and name not in keys():
@@ -127,7 +131,11 @@ class Asked(Sourced):
     that do not vary. Keys of a mechanism are `parameters.NAME`, and its outputs are the numbers of
     `ask` """
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
-    mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
+    mobility: Mobility | None = Field(
+        default=None,
+        description=OF_MODEL,
+        examples=[6],
+    )
     links: bool = Field(default=False, description=f"{ELASTIC}; slower, one design after the other")
     drive: DriveQuestion | None = None
     """Requests the range of a drive"""
@@ -316,9 +324,18 @@ class Study(Asked):
     """`analytic`; `fe`, finite elements in the plane model of the stage; `three_dimensional`,
     finite elements of the extruded stage; or `verify`, the error percentages of `analytic` against
     `fe`. `formula` and `mobility` are for `analytic` and `verify`, `links` for `analytic` """
-    resolution: int = Field(default=4, ge=4, le=FINEST)
+    resolution: int = Field(
+        default=4,
+        ge=4,
+        le=FINEST,
+    )
     """Number of triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
-    layers: int = Field(default=2, ge=1, le=MOST_LAYERS, alias="thickness_resolution")
+    layers: int = Field(
+        default=2,
+        ge=1,
+        le=MOST_LAYERS,
+        alias="thickness_resolution",
+    )
     """Layers of elements in half the thickness, with `three_dimensional`. Two have an error of 0.2
     % on the reference stages and take 2 s a design with identical chains, 6 s with different ones;
     three 0.1 %, 4 s and 10 s """
@@ -391,7 +408,7 @@ class Study(Asked):
     def _refusals_leave_factors_independent(self) -> Study:
         for index, constraint in enumerate(self.constraint):
             if self.sampling.method == "saltelli" and constraint in self.refusing:
-                expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
+                expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'  # noqa: E501
                 raise refusal(expected, "constraint", index, "value")
         return self
 
@@ -439,7 +456,12 @@ class Study(Asked):
                     raise refusal(f"{expected}{suggestion(column, known)}", "figure", index, *place)
         return self
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+    def model_copy(
+        self,
+        *,
+        update: Mapping[str, Any] | None = None,
+        deep: bool = False,
+    ) -> Self:
         """Return a copy with values replaced by name, unchecked: another model ignores settings
         that do not apply.
         """

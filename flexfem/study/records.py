@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.arrays import AnyArray, Array, Index, brief
+from flexfem.arrays import AnyArray, Array, Index, short_repr
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.results import SPACE
 
@@ -60,7 +60,7 @@ class FigureTable(NamedTuple):
 NO_TABLE = FigureTable("", {}, [])
 
 
-@brief
+@short_repr
 class Cells(NamedTuple):
     """Points (n, 2) of a map with values (n,), nan where there is none; `missing` marks these
     points (n,) by reason.
@@ -79,7 +79,7 @@ class Cells(NamedTuple):
     size: int = 1
 
 
-@brief
+@short_repr
 class StudyMap(NamedTuple):
     """A value over two factors; `marks` are emphasised contours, `base` is x and y of the base
     stage.
@@ -106,7 +106,7 @@ class Percentile(NamedTuple):
     high: float
 
 
-@brief
+@short_repr
 class Scatter(NamedTuple):
     """Scatter of one quantity (n,): percentiles from low to high, and the value of the base stage
     where known.
@@ -118,7 +118,7 @@ class Scatter(NamedTuple):
     nominal: float | None = None
 
 
-@brief
+@short_repr
 class Distribution(NamedTuple):
     """Scatter of several quantities."""
 
@@ -138,7 +138,7 @@ class Share(NamedTuple):
     quantity: AxisText = AxisText("")
 
 
-@brief
+@short_repr
 class Sensitivity(NamedTuple):
     """Sobol indices of several quantities, and names of the factors in the order of the indices."""
 
@@ -156,7 +156,7 @@ class Chosen(NamedTuple):
     numbers: Sequence[tuple[AxisText, float]]
 
 
-@brief
+@short_repr
 class ParetoFront(NamedTuple):
     """Pareto front of two quantities.
 

@@ -119,7 +119,11 @@ class Parts:
         """Return the study, the versions and the designs of a chunk as text."""
         return f"{self._key} {chunk.start} {chunk.stop}".encode()
 
-    def digests(self, chunk: range, table: Any) -> dict[str, str]:
+    def digests(
+        self,
+        chunk: range,
+        table: Any,
+    ) -> dict[str, str]:
         """Return the digest of each column of the rows of a chunk, together with its name and the
         inputs.
         """
@@ -136,7 +140,11 @@ class Parts:
             found[name] = content.hexdigest()
         return found
 
-    def sealed(self, chunk: range, table: Any) -> Any:
+    def sealed(
+        self,
+        chunk: range,
+        table: Any,
+    ) -> Any:
         """Return the table of a chunk with its seal in the metadata."""
         seal = {"start": chunk.start, "stop": chunk.stop, "digests": self.digests(chunk, table)}
         return table.replace_schema_metadata(
@@ -144,13 +152,21 @@ class Parts:
         )
 
 
-def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
+def parts_of(
+    loaded: LoadedStudy,
+    output: Path,
+    size: int | None = None,
+) -> Parts:
     """Return the parts of a study in an output folder, by default some seconds of work each."""
     folder = output / loaded.stem / PARTS
     return Parts(loaded, folder, size or loaded.family.part, dict(versions_of()))
 
 
-def table_of(parts: Parts, designs: range, rows: Rows) -> Any:
+def table_of(
+    parts: Parts,
+    designs: range,
+    rows: Rows,
+) -> Any:
     """Return the Arrow table of designs: design, status, reason, factors, outputs (null without a
     result).
     """
@@ -175,7 +191,11 @@ def opened(path: Path, state: str, **options: Any) -> Iterator[Any]:
         raise BadInput(f"{path}: {state}") from None
 
 
-def read_part(parts: Parts, chunk: range, columns: list[str] | None = None) -> Any:
+def read_part(
+    parts: Parts,
+    chunk: range,
+    columns: list[str] | None = None,
+) -> Any:
     """Return some columns of a part as an Arrow table, by default all.
 
     Raises
@@ -197,7 +217,13 @@ def read_part(parts: Parts, chunk: range, columns: list[str] | None = None) -> A
     return table
 
 
-def _fault(parts: Parts, chunk: range, schema: Any, rows: int, table: Any) -> str:
+def _fault(
+    parts: Parts,
+    chunk: range,
+    schema: Any,
+    rows: int,
+    table: Any,
+) -> str:
     """Return what is wrong with a part, "" if nothing is; the table is None where its columns are
     others.
     """
@@ -265,7 +291,11 @@ class Survey(NamedTuple):
         return sum(self.counts.values(), Counter())
 
 
-def survey(parts: Parts, shard: slice = WHOLE, whole: bool = False) -> Survey:
+def survey(
+    parts: Parts,
+    shard: slice = WHOLE,
+    whole: bool = False,
+) -> Survey:
     """Read the status of all designs in the parts of a shard; with `whole` read and check every
     column.
     """
@@ -399,7 +429,11 @@ class _Run:
             return False
         return True
 
-    def take(self, task: Task, result: Any) -> bool:
+    def take(
+        self,
+        task: Task,
+        result: Any,
+    ) -> bool:
         """Take the result of a task; return whether a chunk is complete."""
         if isinstance(result, Failure):
             if len(task.piece) > 1:  # bisect to find the design at fault
@@ -473,7 +507,11 @@ def warnings_of_factors(parts: Parts) -> list[str]:
     return factor_warnings(parts.loaded, stored_changes(parts) or {})
 
 
-def progress_line(counts: Counts, designs: int, rate: float) -> str:
+def progress_line(
+    counts: Counts,
+    designs: int,
+    rate: float,
+) -> str:
     """Return one line on a run with `rate` designs a second: designs done, rate, time left,
     failures.
     """
@@ -487,7 +525,11 @@ def progress_line(counts: Counts, designs: int, rate: float) -> str:
     return f"{done:,}/{designs:,} designs, {rate:,.{digits}f}/s, {left}, {failed:,} failed"
 
 
-def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
+def write_part(
+    parts: Parts,
+    chunk: range,
+    table: Any,
+) -> Counts:
     """Write the part of a chunk with its seal and return its counts."""
     sealed = parts.sealed(chunk, table)
     write_atomically(
@@ -496,7 +538,13 @@ def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
     return counts_of(table)
 
 
-def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range, write: bool) -> Any:
+def solve_task(
+    solve: Solve,
+    parts: Parts,
+    chunk: range,
+    piece: range,
+    write: bool,
+) -> Any:
     """In a worker, solve a task: with `write` write the part and return its counts, else return the
     table of its designs; return a `Failure` where solving raises an error.
     """

@@ -92,7 +92,11 @@ def design_table_of(path: Path, columns: Sequence[Column]) -> DesignTable:
     return DesignTable(path, digest, len(values))
 
 
-def _check_numbers(where: str, column: Column, numbers: Array) -> None:
+def _check_numbers(
+    where: str,
+    column: Column,
+    numbers: Array,
+) -> None:
     for key in (keys()[path] for path in column.keys):
         bad = np.flatnonzero(~np.isfinite(numbers) | key.number.refuses(numbers))
         if len(bad):
@@ -120,7 +124,11 @@ def _content_of(path: Path, columns: Sequence[Column]) -> _TableContent:
 
 
 @lru_cache(maxsize=2)
-def _read_table(path: Path, version: tuple[int, ...], names: tuple[str, ...]) -> _TableContent:
+def _read_table(
+    path: Path,
+    version: tuple[int, ...],
+    names: tuple[str, ...],
+) -> _TableContent:
     import pyarrow as pa
 
     content = read_bytes(path, MOST_BYTES[path.suffix])
@@ -132,7 +140,11 @@ def _read_table(path: Path, version: tuple[int, ...], names: tuple[str, ...]) ->
     return _TableContent(hashlib.sha256(content).hexdigest(), np.column_stack(columns))
 
 
-def _arrow_table(path: Path, content: bytes, names: tuple[str, ...]) -> Any:
+def _arrow_table(
+    path: Path,
+    content: bytes,
+    names: tuple[str, ...],
+) -> Any:
     """Return the content of a CSV or Parquet file. Raises BadInput for another one."""
     import pyarrow as pa
     import pyarrow.csv
@@ -156,7 +168,11 @@ def _arrow_table(path: Path, content: bytes, names: tuple[str, ...]) -> Any:
     return table
 
 
-def _check_column(where: str, name: str, table: Any) -> None:
+def _check_column(
+    where: str,
+    name: str,
+    table: Any,
+) -> None:
     """Raise BadInput for a column that is missing, repeated or not of numbers."""
     import pyarrow as pa
 
@@ -175,7 +191,11 @@ def _check_column(where: str, name: str, table: Any) -> None:
 # grids and distributions
 
 
-def _grid(columns: Sequence[Column], start: int, stop: int) -> Array:
+def _grid(
+    columns: Sequence[Column],
+    start: int,
+    stop: int,
+) -> Array:
     points = [grid_points(column.factor) for column in columns]
     places = np.unravel_index(np.arange(start, stop), [len(values) for values in points])
     chosen = [values[place] for values, place in zip(points, places, strict=True)]
@@ -247,7 +267,12 @@ def _normal_at(factor: Factor, u: Array) -> Array:
 # random samples
 
 
-def monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:
+def monte_carlo(
+    seed: int,
+    columns: int,
+    start: int,
+    stop: int,
+) -> Array:
     """Return independent quantiles (stop - start, columns) of designs, 0 <= u < 1."""
     blocks = [np.empty((0, columns))]
     for block in range(start // BLOCK, -(-stop // BLOCK)):
@@ -264,7 +289,12 @@ def _sobol_engine(seed: int, columns: int) -> Any:
     return qmc.Sobol(columns, scramble=True, rng=np.random.default_rng(seed))
 
 
-def _sobol(seed: int, columns: int, start: int, stop: int) -> Array:
+def _sobol(
+    seed: int,
+    columns: int,
+    start: int,
+    stop: int,
+) -> Array:
     """Return the points `start` up to `stop` of the Sobol sequence."""
     engine = _sobol_engine(seed, columns)
     if engine.num_generated > start:
@@ -277,7 +307,12 @@ def _sobol(seed: int, columns: int, start: int, stop: int) -> Array:
         return np.asarray(engine.random(stop - start))
 
 
-def _saltelli(seed: int, columns: int, start: int, stop: int) -> Array:
+def _saltelli(
+    seed: int,
+    columns: int,
+    start: int,
+    stop: int,
+) -> Array:
     """Return rows of the scheme of A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259.
 
     For every Sobol point (A, B) these are the designs A, A with one column of B at a time, and B.
@@ -294,7 +329,11 @@ def _saltelli(seed: int, columns: int, start: int, stop: int) -> Array:
 
 
 @lru_cache(maxsize=1)
-def _latin_hypercube(seed: int | None, columns: int, designs: int) -> Array:
+def _latin_hypercube(
+    seed: int | None,
+    columns: int,
+    designs: int,
+) -> Array:
     from scipy.stats import qmc
 
     return np.asarray(qmc.LatinHypercube(columns, rng=np.random.default_rng(seed)).random(designs))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import ROUND_OFF, Array, brief
+from flexfem.arrays import ROUND_OFF, Array, short_repr
 from flexfem.refused import BadInput
 from flexfem.results import thousands
 from flexfem.study.collect import StudyTable
@@ -18,7 +18,7 @@ from flexfem.study.records import AxisText, Caption
 from flexfem.study.tables import Figure
 
 
-@brief
+@short_repr
 class Source(NamedTuple):
     """Data of all figures: the study, its table, and the factors and outputs of the base stage by
     column.
@@ -43,7 +43,11 @@ class Source(NamedTuple):
         value = float(self._cleared(name, np.asarray(self.nominal.get(name, np.nan))))
         return value if np.isfinite(value) else None
 
-    def _cleared(self, name: str, values: Array) -> Array:
+    def _cleared(
+        self,
+        name: str,
+        values: Array,
+    ) -> Array:
         return np.where(
             np.abs(values) <= ROUND_OFF * self.table.round_off_sizes.get(name, 0.0), 0.0, values
         )
@@ -73,12 +77,21 @@ class Source(NamedTuple):
             text.append(sentence(loaded.stress_accuracy))
         return Caption(figure.title or sentence(title)[:-1], [*text, *lines], *loaded.assumptions)
 
-    def base_point(self, x: str, y: str) -> tuple[float, float] | None:
+    def base_point(
+        self,
+        x: str,
+        y: str,
+    ) -> tuple[float, float] | None:
         """Return two numbers of the base stage, None where they are not known."""
         base_x = self.base_value(x)
         base_y = self.base_value(y)
         return None if base_x is None or base_y is None else (base_x, base_y)
 
-    def refusal(self, kind: str, name: str, reason: str) -> BadInput:
+    def refusal(
+        self,
+        kind: str,
+        name: str,
+        reason: str,
+    ) -> BadInput:
         """Return the error that a figure of a column cannot be drawn."""
         return BadInput(f"{self.loaded.path}: {kind} of {name}: {reason}")

@@ -49,7 +49,11 @@ def _independent_ranks(n: int, share: float) -> tuple[int, int]:
     return int(binom.ppf(tail, n, share)), int(binom.ppf(1 - tail, n, share)) + 1
 
 
-def _dependent_ranks(below: AnyArray, draws: Index, share: float) -> tuple[int, int]:
+def _dependent_ranks(
+    below: AnyArray,
+    draws: Index,
+    share: float,
+) -> tuple[int, int]:
     """Return the same for values (n,) of several draws, of which some are `below` the percentile."""
     from scipy.stats import norm
 
@@ -102,11 +106,15 @@ def first_order(factors: Iterable[Array], values: Array) -> Share:
     return Share(*np.array(indices).T)
 
 
-def _half_widths(parts: Array, size: Array, index: Array) -> Array:
+def _half_widths(
+    parts: Array,
+    size: Array,
+    index: Array,
+) -> Array:
     """Return half-widths (k,) of confidence intervals of indices (k,).
 
-    Indices are means of parts (k, n) over that of size (n,). Normal and linearised: the variance of a ratio of means (W. G. Cochran, Sampling Techniques, 3rd
-    ed., Wiley 1977)."""
+    Indices are means of parts (k, n) over that of size (n,). Normal and linearised: the variance of
+    a ratio of means (W. G. Cochran, Sampling Techniques, 3rd ed., Wiley 1977)."""
     from scipy.special import ndtri
 
     deviation = (parts - index[..., None] * size) / size.mean()

@@ -1,4 +1,6 @@
-"""Tables of study files: sampling, outputs, constraints, correlations, figures, questions of a stage."""
+"""Tables of study files: sampling, outputs, constraints, correlations, figures, questions of a
+stage.
+"""
 
 from __future__ import annotations
 
@@ -50,14 +52,29 @@ class Sampling(Table):
     Parquet (at most 2 GiB), relative to the study file. One row a design; one column a factor,
     named by its label or key, in file units. Factors then have neither values nor a range or
     distribution. An edited table makes another study """
-    designs: int | None = Field(default=None, ge=1, le=MOST, examples=[256])
+    designs: int | None = Field(
+        default=None,
+        ge=1,
+        le=MOST,
+        examples=[256],
+    )
     """Number of designs; at most 200000 of a `latin_hypercube`, which is held in memory. A larger
     number with `sobol`, `monte_carlo` or `saltelli` begins with the same designs, so finished parts
     stay valid. Not with a grid """
-    base: int | None = Field(default=None, ge=2, le=MOST, examples=[64])
+    base: int | None = Field(
+        default=None,
+        ge=2,
+        le=MOST,
+        examples=[64],
+    )
     """With `saltelli`, instead of `designs`: a power of two; there are base × (factors + 2) designs
     """
-    seed: int | None = Field(default=None, ge=0, lt=2**63, examples=[1])
+    seed: int | None = Field(
+        default=None,
+        ge=0,
+        lt=2**63,
+        examples=[1],
+    )
     """Seed of the random numbers"""
 
     @model_validator(mode="after")
@@ -226,7 +243,11 @@ class Figure(Table):
     """Which `x` is better, in a `pareto`"""
     y_better: Better = "larger"
     """Which `y` is better, in a `pareto`"""
-    drawn: int = Field(default=4, ge=1, le=12)
+    drawn: int = Field(
+        default=4,
+        ge=1,
+        le=12,
+    )
     """How many designs of the front are drawn beside a `pareto`"""
 
     @model_validator(mode="after")

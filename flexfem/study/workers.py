@@ -139,7 +139,11 @@ class Workers:
             for process, *_ in running.values():
                 _end(process)
 
-    def _release(self, process: Any, result: Any) -> None:
+    def _release(
+        self,
+        process: Any,
+        result: Any,
+    ) -> None:
         """Keep the process of a result for another task, or end it where the task did not end."""
         if isinstance(result, Failure) and result.status in (CRASHED.status, OVERDUE):
             _end(process)
@@ -334,7 +338,11 @@ def dask_client(scheduler: str) -> Iterator[Any]:
             client.close(timeout=CONNECTING)
 
 
-def _submitted(process: Any, function: Callable[..., Any], task: tuple[Any, ...]) -> Future[Any]:
+def _submitted(
+    process: Any,
+    function: Callable[..., Any],
+    task: tuple[Any, ...],
+) -> Future[Any]:
     try:
         with signals_held():
             return process.submit(function, *task)  # type: ignore[no-any-return]
@@ -373,7 +381,11 @@ def _begin(parent: int) -> None:
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    threading.Thread(
+        target=_end_with,
+        args=(parent,),
+        daemon=True,
+    ).start()
 
 
 def _end_with(parent: int) -> None:

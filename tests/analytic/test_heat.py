@@ -11,7 +11,7 @@ import pytest
 
 import flexfem
 from flexfem.hinges.chart import Compliance
-from flexfem.paper.designs import lower
+from flexfem.paper.designs import design_arrays
 from flexfem.paper.equations import freedoms_of
 from flexfem.paper.links import _pad_motion
 from flexfem.paper.model import hinge_compliance
@@ -39,7 +39,7 @@ def test_loops_open_by_the_displacement_of_the_ground_in_a_warm_body(unlike):
     """Whatever lies between: `(af - as)` times z, z^2/2 and -i z^2/2 of x + iy, and the turn,
     carried to the centre.
     """
-    design = lower(unlike)
+    design = design_arrays(unlike)
     found = misfits(design, METAL, FRAME)[0] / (FRAME - METAL)
     for chain in range(3):
         hinge = complex(*design.frames.centres[0, chain, 0])
@@ -57,7 +57,7 @@ def test_joints_close_warm_loops_with_the_least_energy(unlike):
     """27 springs, six closures: the stationary point of energy under constraints, with Jacobians of
     its own.
     """
-    design = lower(unlike)
+    design = design_arrays(unlike)
     hinges = hinge_compliance(unlike, "calibrated")
     found = drift(
         design, Compliance(*(part[None] for part in hinges)), freedoms_of(21), METAL, FRAME
@@ -101,7 +101,7 @@ def test_an_edge_that_bows_takes_its_pad_along_by_the_mean_of_the_traction_on_it
 
 
 def test_drift_is_linear_in_both_coefficients_and_zero_where_they_are_the_same(unlike):
-    design = lower(unlike)
+    design = design_arrays(unlike)
     hinges = Compliance(*(p[None] for p in hinge_compliance(unlike, "calibrated")))
 
     def found(metal, frame):

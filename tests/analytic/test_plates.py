@@ -7,7 +7,14 @@ import pytest
 
 from flexfem.analytic.finite import displaced
 from flexfem.analytic.network import with_springs
-from flexfem.analytic.plates import body_moments, hinge_inertia, modes, respond, warmed, weighed
+from flexfem.analytic.plates import (
+    body_moments,
+    hinge_inertia,
+    modes,
+    respond,
+    thermal_response,
+    weight_response,
+)
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
 from flexfem.mechanism.outlines import polyline
 from flexfem.mechanism.profiles import Circular, Leaf
@@ -102,7 +109,7 @@ def test_parallelogram_and_its_frequency():
     mass += (
         RHO * B * 2 * SPAN * T * (1 / 2 - 13 / 35)
     )  # of the weight half of a leaf is carried at either end
-    weight = weighed(driven, [(9810.0, 0.0)])[0][:, 0]
+    weight = weight_response(driven, [(9810.0, 0.0)])[0][:, 0]
     assert weight[0] == pytest.approx(9810 * mass / K, rel=DENSE)
     above = RHO * B * (50 * 12 * 26 + 2 * SPAN * T / 2 * 10) + 5e-5 * 26  # the output
     assert weight[2] == pytest.approx(-9810 * above / found[2, 2], rel=DENSE)
@@ -277,7 +284,7 @@ def test_a_beam_between_walls_expands():
     strip = layout(
         bodies, hinges, (("output", Patch(1, 12 + 0j)), ("spot", Patch(1, 20 + 0j, 1.0)))
     )
-    motions, wrenches = warmed(strip, 23e-6, 11e-6)
+    motions, wrenches = thermal_response(strip, 23e-6, 11e-6)
     N = -12e-6 * 100 / (60 / EA)
     assert wrenches[:, 0, 0] == pytest.approx([N, N], rel=DENSE)
     centre = (
@@ -286,7 +293,7 @@ def test_a_beam_between_walls_expands():
     assert motions[:, 0] == pytest.approx(
         [centre, 0, 0, centre + 23e-6 * 10, 0, 0], rel=DENSE, abs=1e-12
     )
-    motions, wrenches = warmed(
+    motions, wrenches = thermal_response(
         strip, 23e-6, 23e-6
     )  # free: a bar bows by alpha y x^2 / 2 by 1 K / mm along y
     assert wrenches == pytest.approx(0.0, abs=1e-9)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.fem.mesh import StageMesh, mapped
+from flexfem.fem.mesh import PlaneMesh, mapped
 from flexfem.fem.response import Response, platform_response
 from flexfem.paper.stage import Stage, load_stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
@@ -27,7 +27,7 @@ class Solved(NamedTuple):
     """A stage, its mesh and its answer to unit loads."""
 
     stage: Stage
-    mesh: StageMesh
+    mesh: PlaneMesh
     response: Response
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import turned
-from flexfem.fem.mesh import StageMesh, joined
+from flexfem.fem.mesh import PlaneMesh, joined
 from flexfem.fem.response import Response, platform_response, unit_response
 from flexfem.fem.structure import Structure
 from flexfem.fem.symmetry import sector_values
@@ -32,7 +32,7 @@ class Both(NamedTuple):
 
     stage: Stage
     response: Response
-    mesh: StageMesh
+    mesh: PlaneMesh
     whole: Response
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import flexfem
 from flexfem.analytic.finite import displaced
-from flexfem.analytic.plates import inertia, modes, respond, warmed
+from flexfem.analytic.plates import inertia, modes, respond, thermal_response
 from flexfem.fem import ports
 from flexfem.fem.elements import mirrored
 from flexfem.fem.export import write_plate_mesh
@@ -92,8 +92,8 @@ def test_parts_that_state_the_material_of_the_plate_change_nothing(layers):
     first, second = (ports.plate_modes(model, 3).frequencies for model in models)
     assert second == pytest.approx(first, rel=SOLVED)
     rates = np.full(3, 11e-6)
-    first = ports.warmed(models[0], 11e-6, 25e-6)
-    second = ports.warmed(models[1], 11e-6, 25e-6, rates)
+    first = ports.thermal_response(models[0], 11e-6, 25e-6)
+    second = ports.thermal_response(models[1], 11e-6, 25e-6, rates)
     assert second.motions == pytest.approx(first.motions, rel=SOLVED, abs=1e-12)
     if layers is None:
         pushed = [driven(model, [1], np.array([[3.0]])).load for model in models]
@@ -138,7 +138,7 @@ def test_a_bimetal_strip_bends_by_timoshenko():
     layout = layout_of(bodies, [joint], points, first)
     model = ports.plate_model(layout, mesh_layout(layout, 16))
     rates = np.array([23e-6, 9e-6, 9e-6])
-    motions = ports.warmed(model, 23e-6, 23e-6, rates).motions
+    motions = ports.thermal_response(model, 23e-6, 23e-6, rates).motions
     m = 0.6 / 1.4
     n = 70e3 / 140e3
     curvature = (
@@ -167,12 +167,14 @@ def test_a_row_between_walls_moves_by_all_its_expansions():
     layout = held_row()
     layout = layout._replace(joints=(layout.joints[0], layout.joints[1]._replace(material=SOFT)))
     rates = np.array([one.expansion for one in layout.materials])
-    found = ports.warmed(ports.plate_model(layout, mesh_layout(layout, 2)), 70e-6, 5e-6, rates)
+    found = ports.thermal_response(
+        ports.plate_model(layout, mesh_layout(layout, 2)), 70e-6, 5e-6, rates
+    )
     missing = 50 * 5e-6 - (10 * 11e-6 + 40 * 70e-6)
     stress = missing / (10 / 210e3 + 40 / 2e3)
     expected = 10 * 11e-6 + 15 * 70e-6 + stress * (10 / 210e3 + 15 / 2e3)
     assert found.motions[0, 0] == pytest.approx(expected, rel=SOLVED)
-    motions, wrenches = warmed(layout, 70e-6, 5e-6, of_parts=rates)
+    motions, wrenches = thermal_response(layout, 70e-6, 5e-6, of_parts=rates)
     stress = missing / (10 / 210e3 + 10 / 2e3)  # of a rigid bar
     assert wrenches[:, 0, 0] == pytest.approx([stress * B * H] * 2, rel=DENSE)
     assert motions[0, 0] == pytest.approx(10 * 11e-6 + 15 * 70e-6 + stress * 10 / 210e3, rel=DENSE)
@@ -183,7 +185,7 @@ def test_parts_that_all_expand_as_the_walls_are_free_of_stress(layers):
     """Whatever the expansion of the plate, which no part has: 20e-6 against 70e-6."""
     layout = held_row()
     rates = np.full(5, 20e-6)
-    found = ports.warmed(
+    found = ports.thermal_response(
         ports.plate_model(layout, mesh_layout(layout, 2), layers), 70e-6, 20e-6, rates
     )
     assert found.motions[0, 0] == pytest.approx(25 * 20e-6, rel=SOLVED)

@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 import flexfem.fem.mesh
 from flexfem.arrays import turned
 from flexfem.fem import mesher
-from flexfem.fem.mesh import StageMesh, check_triangles, jacobians, scaled_jacobians
+from flexfem.fem.mesh import PlaneMesh, check_triangles, jacobians, scaled_jacobians
 from flexfem.fem.mesher import FaceMesh, run_mesher
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import area
@@ -232,7 +232,7 @@ def test_a_middle_node_close_to_its_corner_is_refused(place, sound):
     nodes = np.array(
         [[0.0, 0.0], [2.0, 0.0], [0.0, 3.0], [2.0 * place, 0.0], [1.0, 1.5], [0.0, 1.5]]
     )
-    single = StageMesh(nodes, np.arange(6)[None, :], np.zeros(1, dtype=np.int64), {})
+    single = PlaneMesh(nodes, np.arange(6)[None, :], np.zeros(1, dtype=np.int64), {})
     assert scaled_jacobians(jacobians(single)).min() == pytest.approx(4 * place - 1, rel=1e-12)
     if sound:
         check_triangles(single, 3.0)

@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse as sp
 
 from flexfem.fem.elements import QUADRATURE, Plate, von_mises
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.fem.structure import NONE, structure
 
 from .conftest import bar
@@ -26,7 +26,7 @@ def distorted():
 
 @pytest.fixture(scope="module", params=["stage", "distorted"])
 def mesh(request, alike, distorted):
-    found: StageMesh = alike.mesh if request.param == "stage" else distorted
+    found: PlaneMesh = alike.mesh if request.param == "stage" else distorted
     return found
 
 

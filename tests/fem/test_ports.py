@@ -259,7 +259,7 @@ def test_weight_and_heat():
     model = plate_model(
         layout(actuators=(outside,), payloads=(PayloadMass(OUTPUT, 2e-5, 0.0),)), strip()
     )
-    weight = model.weighed(model.mass, np.array([[0.0, -9810.0]]))
+    weight = model.weight_response(model.mass, np.array([[0.0, -9810.0]]))
     (clamped,) = model.pads
     rigid = model.structure.rigid_fields()
     on_clamped = model.mass.forces(-9810.0 * rigid[1:2])[0, clamped]
@@ -267,14 +267,14 @@ def test_weight_and_heat():
     own = 9810 * DENSITY * B * H * (TIP - CLAMP)
     moment = own * (CLAMP + TIP) / 2 + 9810 * 2e-5 * 60
     np.testing.assert_allclose(held, [[0, own + 9810 * 2e-5, moment]], rtol=SOLVED, atol=1e-9)
-    heat = ports.warmed(model, 23e-6, 11e-6)
+    heat = ports.thermal_response(model, 23e-6, 11e-6)
     together = replace(weight, nodal=np.concatenate([weight.nodal, heat.nodal]))
     both = hinge_stress(together, np.array([[1.0, 0, 0, 0], [0, 5, 0, 0], [1, 5, 0, 0]]))
     assert abs(both[1, 0] - both[0, 0]) <= both[2, 0] <= both[:2].sum()
     assert both[0] == pytest.approx(hinge_stress(weight, np.eye(1))[0])
     assert both[1] == pytest.approx(hinge_stress(heat, 5 * np.eye(3))[0])
     assert heat.motions[0, 0] == pytest.approx(23e-6 * 50 + 11e-6 * CLAMP, rel=SOLVED)
-    alike = ports.warmed(model, 23e-6, 23e-6)
+    alike = ports.thermal_response(model, 23e-6, 23e-6)
     assert hinge_stress(alike, np.eye(3)).max() < SOLVED * hinge_stress(heat, np.eye(3)).max()
     np.testing.assert_allclose(
         alike.motions[:, 0], [23e-6 * 60, 0, 0, 23e-6 * 40], rtol=SOLVED, atol=1e-12

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.fem.elements import Plate, layered, mirrored, nodal_stress
-from flexfem.fem.mesh import Sector, StageMesh, joined
+from flexfem.fem.mesh import PlaneMesh, Sector, joined
 from flexfem.fem.response import platform_response, unit_response
 from flexfem.paper.fields import neck_stresses
 from flexfem.paper.stage import Stage
@@ -28,7 +28,7 @@ LOADS = np.array([[1.3, -0.7, 5.0], [0.2, 1.1, 31.0], [0.0, 0.0, 40.0]])  # N, N
 class Meshed(NamedTuple):
     stage: Stage
     sectors: tuple[Sector, ...]
-    whole: StageMesh
+    whole: PlaneMesh
 
 
 def meshed(stage):

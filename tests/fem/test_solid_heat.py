@@ -63,7 +63,9 @@ def test_a_free_strip_bows_by_its_expansion_through_the_thickness_and_along_y():
     layers = mirrored(2.1, 1, 0.5)
     mesh = bar(40.0, 3.0, 6, 2)
     z, tilt_x, tilt_y = (
-        factorised_whole(structure(mesh, plate, layers.antisymmetric)).warmed().motions[:, 2]
+        factorised_whole(structure(mesh, plate, layers.antisymmetric))
+        .thermal_response()
+        .motions[:, 2]
     )
     assert tilt_y == pytest.approx(-40.0, rel=SOLVED)
     assert tilt_x == pytest.approx(0.0, abs=0.1), (
@@ -72,7 +74,9 @@ def test_a_free_strip_bows_by_its_expansion_through_the_thickness_and_along_y():
     assert z == pytest.approx(800.0, rel=2e-3), (
         "but for the warp of the clamped face, of its size squared"
     )
-    along_x, along_y, even = factorised_whole(structure(mesh, plate, layers)).warmed().motions.T
+    along_x, along_y, even = (
+        factorised_whole(structure(mesh, plate, layers)).thermal_response().motions.T
+    )
     assert even[[0, 2]] == pytest.approx([-40.0, 0.0], rel=SOLVED, abs=1e-7)
     assert along_x[0] == pytest.approx(800.0, rel=2e-3)
     assert along_y[1:] == pytest.approx([800.0, 40.0], rel=2e-3)
@@ -89,7 +93,11 @@ def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness):
     plate = Plate(E, 0.0, thickness)
     plane = heat_response(mesh, plate, 17.3e-6, 9.1e-6).motions[:, [1, 2, 0]]
     mean = np.diag([1.0, 1.0, 0.0]) * -(thickness**2) / 24
-    found = factorised_whole(structure(mesh, plate, mirrored(thickness, 1, 0.3))).warmed().motions
+    found = (
+        factorised_whole(structure(mesh, plate, mirrored(thickness, 1, 0.3)))
+        .thermal_response()
+        .motions
+    )
     np.testing.assert_allclose(-8.2e-6 * (found - mean), plane, atol=SOLVED * np.max(np.abs(plane)))
 
 
@@ -98,7 +106,7 @@ def test_one_third_warms_as_the_whole(antisymmetric):
     sector = third(3, 3, TWIST)
     layers = mirrored(B, 1, 0.8)
     half = layers.antisymmetric if antisymmetric else layers
-    one, whole = (factorised_sectors((sector,) * n, PLATE, half).warmed() for n in (1, 3))
+    one, whole = (factorised_sectors((sector,) * n, PLATE, half).thermal_response() for n in (1, 3))
     used = [2] if antisymmetric else [0, 1, 2]
     np.testing.assert_allclose(
         one.motions, whole.motions, atol=SOLVED * np.max(np.abs(whole.motions))
@@ -115,7 +123,7 @@ def test_the_pose_is_the_work_of_the_reactions_to_unit_loads():
     sector = third(3, 2, TWIST)
     layers = mirrored(B, 1, 0.8)
     unit = unit_response((sector,) * 3, PLATE, layers)
-    found = factorised_sectors((sector,) * 3, PLATE, layers).warmed()
+    found = factorised_sectors((sector,) * 3, PLATE, layers).thermal_response()
     mesh = unit.mesh
     forces = structure(mesh, PLATE, layers).forces(unit.fields)
     ground = np.unique(mesh.edges["ground"])

@@ -11,7 +11,7 @@ from flexfem.mechanism.actuators import catalogue
 from flexfem.paper.actuators import Actuator, hertz
 from flexfem.paper.drives import contacts, drive_of
 from flexfem.paper.stage import Stage, load_feasible
-from flexfem.questions.driven import Driven
+from flexfem.questions.driven import DriveSystem
 from flexfem.refused import BadInput
 
 BASE = {
@@ -54,7 +54,7 @@ def test_a_preload_of_the_blocking_force_itself_is_borne(stage):
     full = BASE | {"pair": False, "stroke": 17.4e-3, "stiffness": 50e3}
     assert 869.9999999 < Actuator(**full).rating.blocking_force < 870.0
     drive = drive_of(stage.replace(actuator=[full | {"preload": 870.0}]))
-    _, contact, blocking = Driven(np.eye(6), np.eye(3), drive).limits(np.zeros(3)).values()
+    _, contact, blocking = DriveSystem(np.eye(6), np.eye(3), drive).limits(np.zeros(3)).values()
     np.testing.assert_array_equal([contact.sizes, blocking.sizes], [[870.0] * 3, [0.0] * 3])
     with pytest.raises(BadInput, match="at most the blocking force of the stack, 870"):
         Actuator(**full, preload=870.00001)

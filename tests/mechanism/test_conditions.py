@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from flexfem.paper.designs import Designs, lower
+from flexfem.paper.designs import Designs, design_arrays
 from flexfem.paper.feasibility import check_closed_form, conditions
 from flexfem.paper.stage import Stage
 from flexfem.refused import BadInput
@@ -20,7 +20,7 @@ COUNT = 300
 
 def together(stages: list[Stage]) -> Designs:
     """Stages as one batch of designs."""
-    each = [lower(stage) for stage in stages]
+    each = [design_arrays(stage) for stage in stages]
     names = [field.name for field in fields(Designs) if field.name not in ("plane", "prismatic")]
     return replace(
         each[0], **{name: np.concatenate([getattr(one, name) for one in each]) for name in names}

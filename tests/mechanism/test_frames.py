@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import direction
-from flexfem.files.tables import once
+from flexfem.files.tables import memoized
 from flexfem.paper.designs import stage_frames
 from flexfem.paper.frames import CHAIN_TURN, frames
 from flexfem.paper.stage import HINGE_NAMES, Stage
@@ -79,7 +79,7 @@ def test_what_was_computed_of_a_stage_is_not_computed_again_and_leaves_with_it(
 ) -> None:
     asked = []
 
-    @once
+    @memoized
     def length(stage: Stage, chain: int, twice: bool = False) -> float:
         asked.append((stage, chain))
         return stage.chain.link_lengths[chain] * (2 if twice else 1)

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from flexfem.files.refusals import KeyPath
 from flexfem.files.toml import MAX_BYTES, read_toml
-from flexfem.paper.designs import lower
+from flexfem.paper.designs import design_arrays
 from flexfem.paper.stage import CHAINS, HINGE_NAMES, Stage, load_stage
 from flexfem.paper.stage_file import Plane
 from flexfem.refused import BadInput
@@ -519,7 +519,9 @@ def test_constants_of_plane_strain_and_the_stress_it_holds_out_of_the_plane():
     sum of those in it.
     """
     metal = {"material.youngs_modulus_gpa": 60.0, "material.poissons_ratio": 0.25}
-    found = {model: lower(with_changes(metal | {"model": model})) for model in get_args(Plane)}
+    found = {
+        model: design_arrays(with_changes(metal | {"model": model})) for model in get_args(Plane)
+    }
     np.testing.assert_allclose(np.ravel(found["plane_strain"].elastic), [64e3, 1 / 3], rtol=1e-15)
     for model in ("plane_stress", "corrected"):
         assert (

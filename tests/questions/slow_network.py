@@ -359,7 +359,7 @@ class SlowNetwork:
         )
         return np.sqrt(eigh(K, self.mass(), eigvals_only=True))
 
-    def warmed(self, expansion, frame):
+    def thermal_response(self, expansion, frame):
         """Motions (9,) of the points per kelvin: the free plate, and the ground that moves by more
         or less.
         """
@@ -381,5 +381,5 @@ class SlowNetwork:
         free = [part for z in (centroid, probe, arm) for part in (z.real, z.imag, 0.0)]
         return self.ports[:9] @ self.under(forces) + expansion * np.array(free)
 
-    def weighed(self, acceleration):
+    def weight_response(self, acceleration):
         return self.under(self.mass(halved=True) @ np.tile([*acceleration, 0.0], len(BODIES)))

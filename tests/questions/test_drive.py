@@ -19,7 +19,7 @@ from flexfem.paper.fields import driven_response
 from flexfem.paper.figures.drive import plot_drive, plot_forces, plot_strokes, stack_ends
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import build_mesh, plate_of
-from flexfem.questions.driven import CRITERIA, Driven
+from flexfem.questions.driven import CRITERIA, DriveSystem
 
 from ..conftest import ROOT
 from ..tolerances import DENSE
@@ -118,7 +118,7 @@ def test_how_pushes_spread_over_links_moves_the_engaged_stiffness(stage, found):
     mesh = build_mesh(stage, 3)
     half = tuple(stack.spread_over(0.5) for stack in drive.stacks)
     whole, shorter = (
-        Driven.of(driven_response(mesh, plate_of(stage), stacks).compliance, drive).stiffness
+        DriveSystem.of(driven_response(mesh, plate_of(stage), stacks).compliance, drive).stiffness
         for stacks in (drive.stacks, half)
     )
     np.testing.assert_allclose(1 - shorter / whole, moved, rtol=0.12)

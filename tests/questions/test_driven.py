@@ -16,7 +16,7 @@ from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemb
 from flexfem.paper.reach import pose_set
 from flexfem.paper.stage import Stage, load_stage
 from flexfem.paper.stage_mesh import plate_of
-from flexfem.questions.driven import CRITERIA, Driven
+from flexfem.questions.driven import CRITERIA, DriveSystem
 from flexfem.refused import ComputationFailed
 
 from ..conftest import ROOT
@@ -54,7 +54,7 @@ def test_ae0505d16_on_14_3_newtons_per_micrometre_travels_13_74_micrometres():
     example.
     """
     C, drive = spring(14.3e3, 935 / 0.0174)
-    found = Driven.of(C, drive).moved(drive.highest, np.zeros(3))
+    found = DriveSystem.of(C, drive).moved(drive.highest, np.zeros(3))
     assert 1e3 * found.pose[0] == pytest.approx(13.74, abs=0.005)
     assert found.force[0] == pytest.approx(14.3e3 * found.pose[0])
 
@@ -104,7 +104,7 @@ def test_a_stroke_turns_the_base_hinge_by_stroke_over_arm():
     stage = load_stage(GEOMETRY / "mobility3.toml")
     one = model(stage, 3, DEFAULT_FORMULA, False)
     free = drive_of(stage)._replace(stiffness=np.where(np.arange(12) < 2, 1e9, 0.0))
-    of = Driven.of(one.system.C, free)
+    of = DriveSystem.of(one.system.C, free)
     found = of.moved(1e-3 * np.eye(6)[0], np.zeros(3))
     turned = one._replace(system=of).rotations(found, NONE)
     assert turned[0, 0] == pytest.approx(
@@ -143,17 +143,17 @@ def test_the_limits_of_every_stack_count(stage):
 
 def test_a_contact_without_preload_can_only_be_pressed():
     C, drive = spring(14.3e3, 50e3)
-    of = Driven.of(C, drive).limits(np.zeros(3))
+    of = DriveSystem.of(C, drive).limits(np.zeros(3))
     contact = of["contact"]
     blocking = of["blocking force"]
     np.testing.assert_allclose([contact.sizes, blocking.sizes], [[0.0], [935.0]])
-    assert max(Driven.of(C, drive).shares(np.array([-1e-3]), np.zeros(3))["contact"]) == np.inf
+    assert max(DriveSystem.of(C, drive).shares(np.array([-1e-3]), np.zeros(3))["contact"]) == np.inf
 
 
 def test_one_direction_of_pushing_does_not_hold_three(stage):
     C, drive = spring(14.3e3, 50e3)
     with pytest.raises(ComputationFailed, match="three directions"):
-        Driven.of(C, drive).commands(POSE, np.zeros(3), LEVER, "least energy")
+        DriveSystem.of(C, drive).commands(POSE, np.zeros(3), LEVER, "least energy")
 
 
 def test_the_two_witnesses_agree_on_a_driven_stage_with_unlike_chains(unlike_drive):

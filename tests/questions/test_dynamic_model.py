@@ -15,7 +15,7 @@ from flexfem.paper.drives import drive_of
 from flexfem.paper.fields import driven_response
 from flexfem.paper.stage_mesh import build_mesh, plate_of
 from flexfem.paper.vibration import payload_of, vibrating
-from flexfem.questions.driven import Driven
+from flexfem.questions.driven import DriveSystem
 from flexfem.refused import BadInput
 
 from ..tolerances import SOLVED
@@ -40,7 +40,7 @@ def model(stage, vibration):
 
 def test_at_rest_it_is_the_static_stage_under_loads_and_strokes(stage, vibration, model):
     C = driven_response(vibration.mesh, plate_of(stage), drive_of(stage).stacks).compliance
-    of = Driven.of(C, drive_of(stage))
+    of = DriveSystem.of(C, drive_of(stage))
     expected = np.hstack([of.engaged, of.poses])
     found = model.response(np.zeros(1))[0].real
     scale = np.abs(expected).max(axis=0)

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.paper.commanding import commanding, driven_elements, left_open
+from flexfem.paper.commanding import commanding, driven_elements, half_widths_by_friction
 from flexfem.paper.drives import drive_of
 from flexfem.paper.equations import stiffness
 from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
 from flexfem.paper.responses import driven_model
 from flexfem.paper.stage import load_stage
-from flexfem.questions.driven import Driven
+from flexfem.questions.driven import DriveSystem
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT
@@ -42,7 +42,7 @@ def at_rest(stage, *model, stiff=1.0):
     drive = drive_of(stage)
     drive = drive._replace(stiffness=stiff * drive.stiffness)
     one = commanding(ModelChoice(stage, *model))
-    return left_open(Driven.of(one.system.C, drive), one.across, drive.preload)
+    return half_widths_by_friction(DriveSystem.of(one.system.C, drive), one.across, drive.preload)
 
 
 def test_forces_along_link_1_turn_its_hinge_by_half_its_width_by_hand():
@@ -113,15 +113,15 @@ def test_bands_by_both_witnesses(stage):
     drive = drive_of(stage)
     metal = driven_elements(stage, 3)
     assert metal.across.shape == (3 + 9, 9)
-    elements = left_open(metal.system, metal.across, drive.preload)
+    elements = half_widths_by_friction(metal.system, metal.across, drive.preload)
     np.testing.assert_allclose(at_rest(stage, None, CALIBRATED, True), elements, rtol=6e-3)
 
 
 def test_a_contact_that_would_have_to_pull_holds_nothing(stage):
     stage = rough(stage, {"friction": 0.2, "pair": False, "preload": 1.0})
     one = commanding(ModelChoice(stage, *MODEL))
-    pulled = left_open(one.system, one.across, np.array([2.0, -3.0, -1.0]))
-    only = left_open(one.system, one.across, np.array([2.0, 0.0, 0.0]))
+    pulled = half_widths_by_friction(one.system, one.across, np.array([2.0, -3.0, -1.0]))
+    only = half_widths_by_friction(one.system, one.across, np.array([2.0, 0.0, 0.0]))
     np.testing.assert_array_equal(pulled, only)
     assert min(only) > 0
 

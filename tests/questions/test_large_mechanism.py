@@ -145,14 +145,14 @@ def test_a_parallelogram_follows_published_finite_elements_in_three_dimensions(p
         displaced(each.layout, upwards(each.layout, UNIT * SHARES)).motions[:, :3] / SCALE
         for each in planes
     ]
-    by_elements = []
+    element_values = []
     for each in planes:
         rigid, elastic = (
             respond(each.layout, parts).compliance[1, 1] for parts in ((), parts_of(each).bodies)
         )
         loads = upwards(each.layout, UNIT * SHARES * rigid / elastic)
-        by_elements.append(equilibria(model_of(each, 4), loads).pose[:, :3] / SCALE)
-    for found in (beams, by_elements):
+        element_values.append(equilibria(model_of(each, 4), loads).pose[:, :3] / SCALE)
+    for found in (beams, element_values):
         pose = np.tensordot(between, found, axes=1)
         np.testing.assert_allclose(pose[:, 1], published[:, 1], rtol=0.02)
         np.testing.assert_allclose(pose[:, 0], published[:, 0], rtol=0.026)

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import flexfem
 from flexfem.commands import cli
 from flexfem.hinges.strength import checked_law, equivalent
-from flexfem.paper.life import by_elements, by_model
+from flexfem.paper.life import by_model, element_values
 from flexfem.paper.solutions import solved
 from flexfem.plot.life import life_figure, plot_life
 from flexfem.questions.life import CyclicMotion, cyclic_motion, factor_at
@@ -293,7 +293,7 @@ def test_a_mean_of_bending_pulls_one_surface_of_a_neck_whatever_its_sign(unlike,
     for sign in (1, -1):
         motion = CyclicMotion(pose, sign * mean, False, 1e6)
         of = by_model(unlike, modelled, motion)
-        fe = by_elements(unlike, solved(unlike, 5), motion)
+        fe = element_values(unlike, solved(unlike, 5), motion)
         assert np.max(of.equivalent(0.5)) == pytest.approx(np.max(fe.equivalent(0.5)), rel=0.02)
         assert np.max(of.equivalent(0.5)) > 1.2 * np.max(of.amplitude)
 

@@ -104,7 +104,7 @@ def test_an_order_that_is_not_the_theoretical_one_widens_the_band_of_the_grid_co
 
 def test_what_is_kept_comes_out_of_the_solver(benchmark):
     stage = Stage.model_validate(json.loads(str(KEPT["stages"][7])))
-    found = benchmark("frequencies").by_elements(stage, 4)
+    found = benchmark("frequencies").element_values(stage, 4)
     np.testing.assert_allclose(
         found, KEPT["elements"][7, 0], rtol=5e-5
     )  # gmsh's versions mesh a little differently

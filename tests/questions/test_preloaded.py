@@ -25,7 +25,7 @@ from flexfem.paper.frames import chain_rotation
 from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.paper.stage import load_stage
 from flexfem.paper.stage_mesh import plate_of
-from flexfem.questions.driven import Driven
+from flexfem.questions.driven import DriveSystem
 
 from ..tolerances import DENSE
 
@@ -166,11 +166,11 @@ def changes(stage, forces, follows, resolution):
         for j, stiff in enumerate((0 * drive.stiffness, drive.stiffness)):
             engaged = drive._replace(stiffness=stiff)
             K, K_rest = (
-                np.diag(np.linalg.inv(Driven.of(each, engaged).engaged))
+                np.diag(np.linalg.inv(DriveSystem.of(each, engaged).engaged))
                 for each in (C, metal.system.C)
             )
             found[0, i, j] = K / K_rest - 1
-            rest = np.diag(np.linalg.inv(Driven.of(model.system.C, engaged).engaged))
+            rest = np.diag(np.linalg.inv(DriveSystem.of(model.system.C, engaged).engaged))
             found[1, i, j] = np.diag(of.stiffness(stiff)) / rest - 1
     return found
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from flexfem.questions.simplex import farthest
+from flexfem.questions.simplex import maximised
 
 from ..tolerances import DENSE
 
@@ -43,7 +43,7 @@ KINDS = ("generic", "small integers", "through one point", "repeated and opposit
 )
 def test_many_programs_answer_as_highs_does_one_by_one(seed, d, k, kind):
     A, b = bounded(np.random.default_rng(seed), k, d, kind)
-    z = farthest(A, b).points
+    z = maximised(A, b).points
     for one, rows, ends in zip(z, A, b, strict=True):
         found = linprog(-np.eye(d)[0], A_ub=rows, b_ub=ends, bounds=(None, None), method="highs")
         assert one[0] == pytest.approx(-found.fun, rel=SAME, abs=SAME)
@@ -56,7 +56,7 @@ def test_a_program_by_hand():
     """
     A = np.array([[[1.0, 2.0], [0.0, -1.0], [1.0, 0.0], [1.0, -1.0], [-1.0, 0.0], [0.0, 1.0]]])
     np.testing.assert_allclose(
-        farthest(A, np.array([[4.0, 0.5, 6.0, 5.0, 1.0, 9.0]])).points, [[14 / 3, -1 / 3]]
+        maximised(A, np.array([[4.0, 0.5, 6.0, 5.0, 1.0, 9.0]])).points, [[14 / 3, -1 / 3]]
     )
 
 
@@ -65,5 +65,5 @@ def test_units_of_columns_and_rows_change_nothing():
     A, b = bounded(rng, 30, 4, "generic")
     unit = 10 ** rng.uniform(-6, 6, (3, 4))
     size = 10 ** rng.uniform(-6, 6, b.shape)
-    found = farthest(A * size[..., None] / unit[:, None, :], b * size).points
-    np.testing.assert_allclose(found / unit, farthest(A, b).points, rtol=1e-7, atol=1e-9)
+    found = maximised(A * size[..., None] / unit[:, None, :], b * size).points
+    np.testing.assert_allclose(found / unit, maximised(A, b).points, rtol=1e-7, atol=1e-9)

@@ -15,7 +15,7 @@ from scipy.optimize import linprog
 
 import flexfem
 from flexfem.paper.commanding import Commanding, commanding, driven_elements
-from flexfem.paper.designs import lower
+from flexfem.paper.designs import design_arrays
 from flexfem.paper.driven import drive_ranges, stress_along
 from flexfem.paper.drives import ActuatorSet, drive_of
 from flexfem.paper.figures.reach import reach_figure
@@ -23,7 +23,7 @@ from flexfem.paper.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.paper.polytope import polytope_of
 from flexfem.paper.reach import StageReach, pose_set
 from flexfem.paper.stage import Stage, load_stage
-from flexfem.questions.driven import CommandLimits, Driven, stroke_limits
+from flexfem.questions.driven import CommandLimits, DriveSystem, stroke_limits
 from flexfem.questions.poses import PoseSet
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS
@@ -101,7 +101,7 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     """Commands are the pose; x + y <= 1.5 cuts an edge off the cube, x <= 3 never binds."""
     rows = np.concatenate([np.eye(3), -np.eye(3), [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]])
     drive = drive_of(stage)._replace(lowest=-np.ones(3), highest=np.ones(3), differential=np.eye(3))
-    of = Driven(
+    of = DriveSystem(
         np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), drive
     )
     bounds = np.append(np.ones(6), [1.5, 3.0])
@@ -124,7 +124,7 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
         f"{kind} of {k}"
         for kind, k in (("stroke", 3), ("stroke", 4), ("stroke", 0), ("contact", 0), ("stroke", 1))
     ]
-    (x,), (by,) = poses.farthest(np.ones((1, 3)), (0,))
+    (x,), (by,) = poses.maximised(np.ones((1, 3)), (0,))
     assert x == pytest.approx([0.0, 1.0, 1.0]) and set(by) == {"stroke of 1", "stroke of 2"}
 
 
@@ -188,7 +188,7 @@ def test_strokes_alone_limit_a_mechanism():
         drive = ActuatorSet(
             (), ("a", "b", "c", "d")[:count], one, rest, one, np.eye(count), rest, strokes[:count]
         )
-        system = Driven.of((root.T @ root)[: 3 + count, : 3 + count], drive)
+        system = DriveSystem.of((root.T @ root)[: 3 + count, : 3 + count], drive)
         motion = system.poses * strokes[:count]
         held, free = PoseSet(system, stroke_limits(system), NONE).ranges()[0]
         np.testing.assert_allclose(
@@ -240,7 +240,7 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
     weak = stage.replace(material={"yield_strength": 20.0}, override={(2, "elbow"): {"neck": 0.61}})
     for each in (own, weak):
         one = modelled(each)
-        studied = drive_ranges(lower(each), one.system.at(None), one.necks[None]).reach[0]
+        studied = drive_ranges(design_arrays(each), one.system.at(None), one.necks[None]).reach[0]
         found, stops, _ = poses_of(each).ranges()
         np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=DENSE)
     assert any("yield" in by.kinds for by in stops.values())

@@ -214,7 +214,7 @@ def test_a_payload_tilts_with_half_of_its_inertia_about_the_normal(mechanism):
 
 def test_weight_displaces_every_point(mechanism, slow):
     found = analytic(flexfem.gravity, mechanism, angle=-60.0).internal.values
-    u = slow.weighed(9806.65 * np.array([0.5, -math.sqrt(0.75)]))
+    u = slow.weight_response(9806.65 * np.array([0.5, -math.sqrt(0.75)]))
     size = np.abs(slow.ports[:9] @ u).max()
     np.testing.assert_allclose(
         found["pose"][0].ravel(), slow.ports[:9] @ u, rtol=0, atol=10 * DRAWN * size
@@ -235,7 +235,7 @@ def test_a_plate_on_a_frame_of_another_metal_drifts_as_its_hinges_let_it(mechani
     sheet = mechanism.replace(model="plane_stress")
     slow = SlowNetwork(72.7e3)
     found = analytic(flexfem.drift, sheet).internal.values["pose"][0, :, 0].ravel()
-    expected = slow.warmed(23.4e-6, 11.7e-6)
+    expected = slow.thermal_response(23.4e-6, 11.7e-6)
     size = 23.4e-6 * LEVER
     np.testing.assert_allclose(found[3:], expected[3:], rtol=0, atol=QUADRATURE * size)
     np.testing.assert_allclose(
@@ -300,8 +300,8 @@ def test_large_displacements_begin_as_the_linear_ones(mechanism, slow):
     C = slow.compliance()[:3, :3]
     np.testing.assert_allclose(linear, found["force"] @ C, rtol=10 * QUADRATURE)
     np.testing.assert_allclose(exact, linear, rtol=1e-3)
-    by_elements = found["force"] @ plates.solved(mechanism, 4).compliance[:3, :3]
-    np.testing.assert_allclose(elements, by_elements, rtol=2e-3)
+    element_values = found["force"] @ plates.solved(mechanism, 4).compliance[:3, :3]
+    np.testing.assert_allclose(elements, element_values, rtol=2e-3)
 
 
 def test_three_dimensions_have_the_numbers_of_the_material_and_lie_between_the_plane_problems(

@@ -37,7 +37,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
 from flexfem.fem.export import write_mesh
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 
 from .problem import MissingSolverError
 
@@ -52,7 +52,7 @@ LOST_E = re.compile(
 
 
 def solve(
-    mesh: StageMesh, plate: Plate, thickness: float | None = None, uncoupled: bool = False
+    mesh: PlaneMesh, plate: Plate, thickness: float | None = None, uncoupled: bool = False
 ) -> tuple[Array, Array]:
     """Compliance (3, 3) and displacements (3, n, 2), mm, of the sheet under unit loads on the rigid
     hub.

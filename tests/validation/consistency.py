@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, Plate, layered, mirrored, nodal_stress
-from flexfem.fem.mesh import StageMesh, mapped, nodes_on
+from flexfem.fem.mesh import PlaneMesh, mapped, nodes_on
 from flexfem.fem.mesher import Grading
 from flexfem.fem.structure import NONE, Structure, mass_of, structure
 from flexfem.mechanism.outlines import Face, Segment
@@ -99,7 +99,7 @@ def unit(arm: Array) -> Array:
     return np.asarray(arm / np.linalg.norm(arm, axis=-1, keepdims=True))
 
 
-def field_errors(mesh: StageMesh) -> FieldErrors:
+def field_errors(mesh: PlaneMesh) -> FieldErrors:
     """Errors of the solution on one mesh of `outline`, held on its right side, pulled on all
     others.
     """
@@ -112,7 +112,7 @@ def field_errors(mesh: StageMesh) -> FieldErrors:
     return FIELD.solved(mesh, sides, clamp(held, displacement(mesh.nodes[held])), drawn)[1]
 
 
-def plate_mesh(size: float) -> StageMesh:
+def plate_mesh(size: float) -> PlaneMesh:
     """Mesh `outline` anew with triangles of one size, mm."""
     return meshed(outline(), [Grading((0j,), 4.0, size, size, 1.0)])
 
@@ -152,7 +152,7 @@ IRONS = (
 )
 
 
-def distorted() -> StageMesh:
+def distorted() -> PlaneMesh:
     """A rectangle of 24 triangles with every inner and outer node pushed aside: no side is
     straight.
     """
@@ -218,7 +218,7 @@ SPATIAL = np.array(
 BOUNDS = np.array([-0.4, -0.1, 0.3, 1.1])  # mm, of uneven layers
 
 
-def curved_cells() -> StageMesh:
+def curved_cells() -> PlaneMesh:
     """Six uneven cells with bent sides, mm."""
 
     def place(u: Array, v: Array) -> Array:
@@ -229,7 +229,7 @@ def curved_cells() -> StageMesh:
 
 
 def unsupported(
-    mesh: StageMesh, layers: Layers | None, plate: Plate = SOLID
+    mesh: PlaneMesh, layers: Layers | None, plate: Plate = SOLID
 ) -> tuple[Structure, sp.csr_array]:
     """A body that nothing holds, and its whole stiffness, unknowns as of `Structure.loads`."""
     free = structure(mesh, plate, layers, held=NONE)

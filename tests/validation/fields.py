@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.hinge_charts import supported
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate, integration, segment_functions, stress_tensor
-from flexfem.fem.mesh import StageMesh, mesh_of, ordered
+from flexfem.fem.mesh import PlaneMesh, mesh_of, ordered
 from flexfem.fem.mesher import FaceMesh, Grading, run_mesher
 from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.outlines import Face
@@ -49,7 +49,7 @@ class Solution(NamedTuple):
     unknowns: int
 
 
-def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Support]) -> Solution:
+def solve(mesh: PlaneMesh, plate: Plate, force: Array, supports: Sequence[Support]) -> Solution:
     """Solve in the plane for nodal forces (n, 2), N, and prescribed displacements."""
     of = structure(mesh, plate, held=NONE)
     field = np.zeros_like(force)
@@ -62,19 +62,19 @@ def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Suppor
     return Solution(field, reactions, int(np.sum(~held)))
 
 
-def meshed(face: Face, sizes: Sequence[Grading]) -> StageMesh:
+def meshed(face: Face, sizes: Sequence[Grading]) -> PlaneMesh:
     """Mesh one face of lines and arcs with gmsh in its own process. Raises ComputationFailed as
     `run_mesher` does.
     """
     return ordered(mesh_of(run_mesher(FaceMesh([face], {}, list(sizes)), TIME_LIMIT)))[0]
 
 
-def size_of(mesh: StageMesh) -> float:
+def size_of(mesh: PlaneMesh) -> float:
     """Typical size of a triangle over that of the whole: one over the root of their number."""
     return float(len(mesh.triangles) ** -0.5)
 
 
-def on_chords(mesh: StageMesh) -> StageMesh:
+def on_chords(mesh: PlaneMesh) -> PlaneMesh:
     """The mesh with every middle node moved to the middle of its chord: straight triangles."""
     nodes = mesh.nodes.copy()
     t = mesh.triangles
@@ -103,7 +103,7 @@ def pressure(value: float) -> Traction:
     return lambda _, normals: value * normals
 
 
-def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
+def edge_force(mesh: PlaneMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
     """Nodal forces (n, 2), N, of a traction on curved quadratic boundary edges (k, 3): `f_i = b int
     N_i t ds`.
     """
@@ -129,7 +129,7 @@ def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) 
     return force
 
 
-def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = DEGREE) -> Array:
+def body_force(mesh: PlaneMesh, plate: Plate, density: Function, degree: int = DEGREE) -> Array:
     """Nodal forces (n, 2), N, of a force per volume, N/mm^3, at the points (..., 2)."""
     total = np.zeros_like(mesh.nodes)
     for batch in integration(mesh, degree):
@@ -153,7 +153,7 @@ class FieldErrors(NamedTuple):
 
 
 def errors(
-    mesh: StageMesh,
+    mesh: PlaneMesh,
     plate: Plate,
     field: Array,
     exact: Function,
@@ -186,7 +186,7 @@ def errors(
         return FieldErrors(*map(float, np.sqrt(found / scale)))
 
 
-def nearest_node(mesh: StageMesh, x: float, y: float) -> int:
+def nearest_node(mesh: PlaneMesh, x: float, y: float) -> int:
     """The node at a point, mm; an error when there is none."""
     distance = np.hypot(*(mesh.nodes - [x, y]).T)
     node = int(np.argmin(distance))

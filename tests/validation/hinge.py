@@ -19,7 +19,7 @@ from scipy.linalg import eigh
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, mirrored
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.fem.mesher import Grading
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import structure
@@ -40,7 +40,7 @@ BLUNT = np.deg2rad(
 )  # the arc ends here: at 90 degrees it would meet the rigid body in a cusp without area
 
 
-def notch_mesh(neck: float, across: float = ACROSS) -> StageMesh:
+def notch_mesh(neck: float, across: float = ACROSS) -> PlaneMesh:
     """A notch about the origin, mm, `ground` on its left and `hub` on its right, so many triangles
     across the neck.
     """
@@ -166,7 +166,7 @@ DEPTHS = (1.0, 10.0, 100.0)  # b/t
 
 
 @cache
-def notch() -> StageMesh:
+def notch() -> PlaneMesh:
     """A right circular hinge, rigid at the ends of its notch."""
     return notch_mesh(NECK, COARSE)
 

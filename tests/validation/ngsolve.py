@@ -28,7 +28,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 
 from .problem import MissingSolverError
 
@@ -88,7 +88,7 @@ class Curved(NamedTuple):
         return found.T.ravel()
 
 
-def curved_mesh(ng: Any, mesh: StageMesh, layers: Layers | None = None) -> Curved:
+def curved_mesh(ng: Any, mesh: PlaneMesh, layers: Layers | None = None) -> Curved:
     """Our triangles, or our wedges, in NGSolve; triangles are checked node by node."""
     straight = ng.Mesh(_triangles(mesh) if layers is None else _prisms(mesh, layers))
     levels = 1 if layers is None else len(layers.heights) // 2 + 1
@@ -117,7 +117,7 @@ def curved_mesh(ng: Any, mesh: StageMesh, layers: Layers | None = None) -> Curve
     return curved
 
 
-def _triangles(mesh: StageMesh) -> Any:
+def _triangles(mesh: PlaneMesh) -> Any:
     from netgen.meshing import FaceDescriptor, Mesh
 
     corners = (
@@ -133,7 +133,7 @@ def _triangles(mesh: StageMesh) -> Any:
     return made
 
 
-def _prisms(mesh: StageMesh, layers: Layers) -> Any:
+def _prisms(mesh: PlaneMesh, layers: Layers) -> Any:
     from netgen.meshing import FaceDescriptor, Mesh
 
     corners = int(mesh.triangles[:, :3].max()) + 1
@@ -162,7 +162,7 @@ def _numbers(elements: Index) -> Index:
     return np.ascontiguousarray(elements, dtype=np.int32)
 
 
-def _middles_of(mesh: StageMesh, ends: Index) -> Index:
+def _middles_of(mesh: PlaneMesh, ends: Index) -> Index:
     """Our node in the middle of each edge given by its corners (edges, 2), the lower first."""
     t = mesh.triangles
     size = len(mesh.nodes)
@@ -244,7 +244,7 @@ class Solved(NamedTuple):
             squares.append(_energy(ng, mode, mode, self.plate, self.depth) / (q @ inertia(q)))
         return np.asarray(np.sqrt(np.sort(squares)) / (2 * math.pi))
 
-    def nodal_stress(self, mesh: StageMesh) -> Array:
+    def nodal_stress(self, mesh: PlaneMesh) -> Array:
         """Stress (3, n, 2, 2), MPa, by NGSolve's gradients at the nodes, averaged, of unit loads."""
         found = []
         where = mesh.triangles.ravel()
@@ -258,7 +258,7 @@ class Solved(NamedTuple):
 
 
 def solve(
-    mesh: StageMesh, plate: Plate, layers: Layers | None = None, orders: int = MORE_ORDERS
+    mesh: PlaneMesh, plate: Plate, layers: Layers | None = None, orders: int = MORE_ORDERS
 ) -> Solved:
     """NGSolve's answers on our mesh; `orders` of integration beyond its default. Raises
     MissingSolverError.
@@ -274,7 +274,7 @@ def solve(
 
 
 def solved(
-    ng: Any, curved: Curved, mesh: StageMesh, plate: Plate, layers: Layers | None, orders: int
+    ng: Any, curved: Curved, mesh: PlaneMesh, plate: Plate, layers: Layers | None, orders: int
 ) -> Solved:
     """The same on a mesh that NGSolve has."""
     depth = plate.thickness

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, nodal_stress
-from flexfem.fem.mesh import StageMesh, mapped, nodes_on
+from flexfem.fem.mesh import PlaneMesh, mapped, nodes_on
 from flexfem.fem.mesher import Grading
 from flexfem.mechanism.outlines import Face, Segment
 
@@ -72,7 +72,7 @@ def kirsch_stress(points: Array) -> Array:
 KIRSCH = Exact(PLATE, kirsch_displacement, kirsch_stress)
 
 
-def quarter_with_hole(cells: int) -> StageMesh:
+def quarter_with_hole(cells: int) -> PlaneMesh:
     """A quarter of the square: `left` is the hole, `bottom` and `top` the axes, `right` the outer
     sides.
     """
@@ -121,7 +121,7 @@ STRIP_LENGTH = 2.0  # half length of a strip over its width: the hole is forgott
 AROUND = 240.0  # triangles per full turn of the hole
 
 
-def quarter_strip(ratio: float) -> StageMesh:
+def quarter_strip(ratio: float) -> PlaneMesh:
     """A quarter of a strip one wide with a hole of diameter `ratio`, fine at the hole."""
     radius = ratio / 2
     corner = complex(STRIP_LENGTH, 0.5)
@@ -169,7 +169,7 @@ LE1_CELLS = (11, 22, 33)  # across, twice as many around; the last gives about 1
 LE1_LIMIT = (16, 32, 64)  # for the extrapolation
 
 
-def elliptic_membrane(cells: int) -> StageMesh:
+def elliptic_membrane(cells: int) -> PlaneMesh:
     """A quarter between two ellipses, mm: `left` the inner, `right` the outer one, `bottom` and
     `top` the axes.
     """
@@ -222,7 +222,7 @@ COOK_DISPLACEMENT = 23.96
 COOK_CELLS = (16, 32, 64)
 
 
-def cooks_membrane(cells: int) -> StageMesh:
+def cooks_membrane(cells: int) -> PlaneMesh:
     """The tapered panel (0, 0), (48, 44), (48, 60), (0, 44)."""
     return mapped(
         cells,
@@ -272,7 +272,7 @@ CLAMPED = {
 REFINED = 6  # every cell of the 6 x 1 mesh cut into so many each way
 
 
-def slanted(kind: str, refined: int) -> StageMesh:
+def slanted(kind: str, refined: int) -> PlaneMesh:
     """The cantilever's 6 x 1 cells of one kind, each cut into `refined` by `refined` and then into
     two triangles.
     """
@@ -288,7 +288,7 @@ def slanted(kind: str, refined: int) -> StageMesh:
 
 
 def pulled(
-    mesh: StageMesh, plate: Plate, sides: tuple[str, str], traction: tuple[float, float]
+    mesh: PlaneMesh, plate: Plate, sides: tuple[str, str], traction: tuple[float, float]
 ) -> float:
     """Work, N mm, of a uniform traction, MPa, on the second of two sides while the first is
     clamped.

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
-from flexfem.fem.mesh import StageMesh, mapped, nodes_on
+from flexfem.fem.mesh import PlaneMesh, mapped, nodes_on
 
 from .fields import (
     FieldErrors,
@@ -135,7 +135,7 @@ class Exact(NamedTuple):
 
     def solved(
         self,
-        mesh: StageMesh,
+        mesh: PlaneMesh,
         loaded: Sequence[str],
         supports: Sequence[Support],
         normals: Mapping[str, Function] = MappingProxyType({}),
@@ -161,7 +161,7 @@ class Exact(NamedTuple):
 
 
 def orders(
-    meshes: Sequence[StageMesh], found: Sequence[FieldErrors], unknowns: int
+    meshes: Sequence[PlaneMesh], found: Sequence[FieldErrors], unknowns: int
 ) -> list[Finding]:
     """Observed orders of displacement and stress beside those of quadratic triangles."""
     sizes = [size_of(mesh) for mesh in meshes]
@@ -201,14 +201,14 @@ def polar(points: Array) -> tuple[Array, Array]:
     return np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
 
 
-def on_axes(mesh: StageMesh, y_axis: str = "top", x_axis: str = "bottom") -> list[Support]:
+def on_axes(mesh: PlaneMesh, y_axis: str = "top", x_axis: str = "bottom") -> list[Support]:
     """Supports of a quarter that is cut out along both axes of symmetry."""
     return [Support(nodes_on(mesh, y_axis), 0), Support(nodes_on(mesh, x_axis), 1)]
 
 
 def rectangle(
     columns: int, rows: int, length: float, height: float, x: float = 0.0, y: float | None = None
-) -> StageMesh:
+) -> PlaneMesh:
     """Cells of a rectangle, mm, from `x` on; `y` is its lower side, by default half of the height
     below the x axis.
     """
@@ -218,14 +218,14 @@ def rectangle(
 
 def cantilever(
     columns: int, rows: int, length: float, height: float, offset: ArrayLike = (0.0, 0.0)
-) -> StageMesh:
+) -> PlaneMesh:
     """A bar clamped on its left whose right end, at the origin but for an offset, is the rigid hub."""
     mesh = rectangle(columns, rows, length, height, x=-length)
     edges = {"ground": mesh.edges["left"], "hub": mesh.edges["right"]}
     return mesh._replace(nodes=mesh.nodes + np.asarray(offset), edges=edges)
 
 
-def quarter_ring(across: int, around: int, inner: float, outer: float) -> StageMesh:
+def quarter_ring(across: int, around: int, inner: float, outer: float) -> PlaneMesh:
     """A quarter of a ring, radii mm: `left` the inner, `right` the outer arc, `bottom` on x and
     `top` on y.
     """

@@ -13,7 +13,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, nodal_stress, von_mises
-from flexfem.fem.mesh import StageMesh, welded
+from flexfem.fem.mesh import PlaneMesh, welded
 from flexfem.fem.modes import modes, sector_modes, vibrating_structure
 from flexfem.fem.response import platform_response, unit_response
 from flexfem.fem.structure import mass_of, structure
@@ -48,7 +48,7 @@ class Sheet(NamedTuple):
     """A stage with a coarse mesh."""
 
     stage: Stage
-    mesh: StageMesh
+    mesh: PlaneMesh
     plate: Plate
 
     @property

@@ -11,7 +11,7 @@ import pytest
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import integration
-from flexfem.fem.mesh import StageMesh, mapped, nodes_on
+from flexfem.fem.mesh import PlaneMesh, mapped, nodes_on
 
 from . import consistency, plane
 from .fields import body_force, clamp, edge_force, errors, on_chords, pressure, solve, uniform
@@ -41,7 +41,7 @@ def slopes(function: Callable[[Array], Array], points: Array) -> Array:
 
 
 @pytest.fixture(scope="module")
-def plate() -> StageMesh:
+def plate() -> PlaneMesh:
     return consistency.plate_mesh(0.25)
 
 
@@ -94,7 +94,7 @@ def test_quadrature_points_are_those_of_the_gradients() -> None:
         np.testing.assert_allclose(found, np.stack([2 * px - 3 * py, -3 * px], axis=-1), atol=1e-10)
 
 
-def test_edge_and_body_forces_have_the_resultants_of_drawn_arcs(plate: StageMesh) -> None:
+def test_edge_and_body_forces_have_the_resultants_of_drawn_arcs(plate: PlaneMesh) -> None:
     """Pressure on an arc is that on its chord, outwards of the plate, so into the notch; around, it
     is nothing.
     """
@@ -117,7 +117,7 @@ def test_edge_and_body_forces_have_the_resultants_of_drawn_arcs(plate: StageMesh
     np.testing.assert_allclose(weight, b * area * np.array([0.3, -0.2]), rtol=1e-5)  # of the mesh
 
 
-def test_reactions_are_on_the_supports_and_balance(plate: StageMesh) -> None:
+def test_reactions_are_on_the_supports_and_balance(plate: PlaneMesh) -> None:
     held = nodes_on(plate, "held")
     force = edge_force(
         plate, PLATE, plate.edges["bottom"], uniform(1.0, 2.0)

@@ -13,7 +13,7 @@ from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, mirrored
-from flexfem.fem.mesh import Sector, StageMesh, by_radius, mapped, nodes_on
+from flexfem.fem.mesh import PlaneMesh, Sector, by_radius, mapped, nodes_on
 from flexfem.fem.modes import Modes, modes, sector_modes, vibrating_structure
 from flexfem.fem.structure import mass_of, structure
 from flexfem.paper.frames import CHAIN_TURN
@@ -27,7 +27,7 @@ FV32_DENSITY = 8000e-12  # tonne/mm^3
 FV32_CELLS = (8, 16, 32)
 
 
-def tapered(cells: int) -> StageMesh:
+def tapered(cells: int) -> PlaneMesh:
     """The membrane of FV32, mm: 10 m long, 5 m wide at the clamped end on the left, 1 m at the
     right.
     """
@@ -36,7 +36,7 @@ def tapered(cells: int) -> StageMesh:
     )
 
 
-def clamped(mesh: StageMesh, plate: Plate, density: float, count: int) -> Modes:
+def clamped(mesh: PlaneMesh, plate: Plate, density: float, count: int) -> Modes:
     """Lowest modes of a mesh whose left side is clamped."""
     held = structure(mesh, plate, held=nodes_on(mesh, "left"))
     return modes(vibrating_structure(mass_of(held, density)), count)

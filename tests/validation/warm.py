@@ -8,7 +8,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import ElementBatch, Plate, integration, stress_tensor
-from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.mesh import PlaneMesh, nodes_on
 from flexfem.fem.response import free_displacement
 from flexfem.fem.structure import NONE, structure
 from flexfem.hinges.strength import fit_basquin, required_law
@@ -26,8 +26,8 @@ INNER = 1.0
 OUTER = 13.0  # mm, of the spot, and of the ring that is meshed
 
 
-def warmed(
-    mesh: StageMesh, plate: Plate, strains: list[Array], supports: list[Support]
+def thermal_response(
+    mesh: PlaneMesh, plate: Plate, strains: list[Array], supports: list[Support]
 ) -> tuple[Array, list[Array]]:
     """Displacement (n, 2), mm, and stress by batch (e, 2, 2, q), MPa, for initial strains by batch
     (1, e, 2, 2, q).
@@ -44,7 +44,7 @@ def warmed(
     return field, [stress_tensor(plate, each)[0] for each in slopes]
 
 
-def temperature(mesh: StageMesh, batch: ElementBatch) -> Array:
+def temperature(mesh: PlaneMesh, batch: ElementBatch) -> Array:
     """1, x, y (3, e, q) at the quadrature points of a batch."""
     at = np.einsum("iq,eia->aeq", batch.phi, mesh.nodes[batch.triangles])
     return np.concatenate([np.ones((1, *at.shape[1:])), at])
@@ -71,7 +71,7 @@ def warm_free_body() -> list[Finding]:
         ]
         warm = [STRAIN * temperature(mesh, batch)[case] for batch in integration(mesh)]
         strains = [each[None, :, None, None] * np.eye(2)[..., None] for each in warm]
-        stress = warmed(mesh, PLATE, strains, supports)[1]
+        stress = thermal_response(mesh, PLATE, strains, supports)[1]
         largest = max(float(np.max(np.abs(each))) for each in stress) / (HELD * hottest)
         what = f"largest stress over E alpha dT, {name}"
         rows.append(Finding(what, 0.0, largest, ROUND_OFF, unknowns=2 * len(mesh.nodes)))
@@ -98,7 +98,7 @@ def hot_spot() -> list[Finding]:
     for side, rate in (("left", grown), ("right", grown * RADIUS**2 / OUTER**2)):
         nodes = nodes_on(mesh, side)
         supports += [Support(nodes, axis, rate * mesh.nodes[nodes, axis]) for axis in (0, 1)]
-    means = [each.mean(axis=-1) for each in warmed(mesh, PLATE, strains, supports)[1]]
+    means = [each.mean(axis=-1) for each in thermal_response(mesh, PLATE, strains, supports)[1]]
     at = np.concatenate(centres)
     inside = np.concatenate(hot)
     mean = np.concatenate(means)

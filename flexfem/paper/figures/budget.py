@@ -47,7 +47,11 @@ class _Bar(NamedTuple):
     is_total: bool = False
 
 
-def plot_budget(ax: Axes, budget: StageBudget, direction: Direction) -> Axes:
+def plot_budget(
+    ax: Axes,
+    budget: StageBudget,
+    direction: Direction,
+) -> Axes:
     """Draw the shares of the error of the command in one direction and their sums; return `ax`.
 
     The effect of three dimensions follows the total in the plane where it is known: by finite
@@ -65,7 +69,12 @@ def plot_budget(ax: Axes, budget: StageBudget, direction: Direction) -> Axes:
         end = start + bar.value
         ends.append(end)
         colour = INK if bar.is_total else COLOURS[int(bar.value < 0)]
-        look: dict[str, Any] = {"height": 0.62, "color": colour, "ecolor": GREY, "capsize": 4}
+        look: dict[str, Any] = {
+            "height": 0.62,
+            "color": colour,
+            "ecolor": GREY,
+            "capsize": 4,
+        }
         ax.barh(row, bar.value, left=start, xerr=bar.band or None, **look)
         text = number(bar.value, bar.band) if bar.band else f"{bar.value:+.{places}f}"
         right = max(start, end) + bar.band

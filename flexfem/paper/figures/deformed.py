@@ -42,14 +42,34 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
     return page.figure
 
 
-def _mark_largest(ax: Axes, model: CurveModels, field: Fields, moved: Array) -> None:
+def _mark_largest(
+    ax: Axes,
+    model: CurveModels,
+    field: Fields,
+    moved: Array,
+) -> None:
     """Mark the node of the largest stress, and write the stress below the panel."""
     node, hinge = largest_stress(model, field)
     text = f"largest {significant(float(field.stress[node]), 3)} {STRESS} near {hinge}"
-    ax.text(0.5, -0.03, text, transform=ax.transAxes, ha="center", va="center", size=9.5)
+    ax.text(
+        0.5,
+        -0.03,
+        text,
+        transform=ax.transAxes,
+        ha="center",
+        va="center",
+        size=9.5,
+    )
     at = moved[node]
     outwards = 0.12 * np.ptp(moved) * at / np.linalg.norm(at)
-    arrow(ax, at + outwards, at, colour=NOTE_COLOUR, width=1.6, shrinkB=4.0)
+    arrow(
+        ax,
+        at + outwards,
+        at,
+        colour=NOTE_COLOUR,
+        width=1.6,
+        shrinkB=4.0,
+    )
     ring: dict[str, Any] = {"markerfacecolor": "none", "markeredgecolor": NOTE_COLOUR}
     ax.plot(*at, "o", markersize=6, zorder=6, **ring)
 

@@ -28,7 +28,8 @@ from flexfem.units import DIRECTIONS, MICROMETRE, STRESS, unit_for
 
 
 class Heating(NamedTuple):
-    """How a case is drawn: its title, the divisor of the stress unit, and an arrow to the warm side.
+    """How a case is drawn: its title, the divisor of the stress unit, and an arrow to the warm
+    side.
 
     The arrow is in fractions of the axes.
     """
@@ -87,7 +88,11 @@ def _warm(found: Drift) -> WarmFields:
     return found.fields
 
 
-def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
+def plot_drift(
+    ax: Axes | None,
+    found: Drift,
+    case: str,
+) -> Axes:
     """Draw a stage displaced by 1 K or 1 K/mm, coloured by von Mises stress.
 
     Returns `ax`, or new axes. Raises BadInput for an unknown case, or a result without finite
@@ -103,10 +108,22 @@ def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
     draw_boundary(ax, moved, warm.ground, INK, 3.0, zorder=4)
     x, y = HEATINGS[case].arrow
     if x or y:
-        look = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
+        look = {
+            "arrowstyle": "-|>",
+            "color": INK,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        }
         tip = (0.02 + x, 0.86 + y)
         ax.annotate("", tip, (0.02, 0.86), xycoords="axes fraction", arrowprops=look)
-        ax.text(0.04 + x, 0.86 + y / 2, "warmer", transform=ax.transAxes, va="center", size=8.5)
+        ax.text(
+            0.04 + x,
+            0.86 + y / 2,
+            "warmer",
+            transform=ax.transAxes,
+            va="center",
+            size=8.5,
+        )
     return ax
 
 

@@ -95,7 +95,12 @@ def plot_strokes(ax: Axes, found: StageDrive) -> Axes:
     """
     low = found.shortest
     rows = np.arange(len(low))
-    look: dict[str, Any] = {"height": 0.94, "color": PALE, "edgecolor": GREY, "linewidth": 0.6}
+    look: dict[str, Any] = {
+        "height": 0.94,
+        "color": PALE,
+        "edgecolor": GREY,
+        "linewidth": 0.6,
+    }
     ax.barh(rows, found.longest - low, left=low, label="available strokes", **look)
     _bars(ax, dict(zip(found.axes["criterion"], found.command.T, strict=True)))
     labels = list[str]()
@@ -118,7 +123,15 @@ def plot_forces(ax: Axes, found: StageDrive) -> Axes:
     values = np.concatenate([*force.values(), preload])
     _bars(ax, force)
     rows = np.arange(len(preload))
-    ax.plot(preload, rows, "|", color=INK, markersize=17.0, label="preload", zorder=5)
+    ax.plot(
+        preload,
+        rows,
+        "|",
+        color=INK,
+        markersize=17.0,
+        label="preload",
+        zorder=5,
+    )
     _label_rows(ax, [f"{k + 1}: {name}" for k, name in enumerate(found.axes["stack"])])
     blocking = sorted({f"{value:.4g}": value for value in found.blocking_force}.values())
     ends = " to ".join(f"{value:.4g}" for value in dict.fromkeys((blocking[0], blocking[-1])))
@@ -141,7 +154,11 @@ def _label_rows(ax: Axes, names: list[str]) -> None:
     style.name_rows(ax, names, 1.6, 8.5 if len(names) <= 24 else 6.0)
 
 
-def plot_drive(ax: Axes, found: StageDrive, criterion: Criterion = "least energy") -> Axes:
+def plot_drive(
+    ax: Axes,
+    found: StageDrive,
+    criterion: Criterion = "least energy",
+) -> Axes:
     """Draw a stage, in mm, with its stacks, their strokes and forces, and its platform at the pose.
 
     Stacks are numbered from 1 as in the record and are not to scale. The arrow at each contact is
@@ -157,7 +174,13 @@ def plot_drive(ax: Axes, found: StageDrive, criterion: Criterion = "least energy
     rim = draw_plate(ax, stage)
     size = fit(ax, np.concatenate([rim, *boxes]), 0.22)
     _draw_stacks(ax, boxes, stroke)
-    ax.plot(*(contacts - BALL / 2 * width * along).T, "o", color=INK, markersize=3.0, zorder=5)
+    ax.plot(
+        *(contacts - BALL / 2 * width * along).T,
+        "o",
+        color=INK,
+        markersize=3.0,
+        zorder=5,
+    )
     for stack, box in zip(drive_of(stage).stacks, boxes, strict=True):
         _draw_mount(ax, stage, stack, box)
     _draw_forces(ax, contacts, width * along, force)
@@ -170,7 +193,11 @@ def plot_drive(ax: Axes, found: StageDrive, criterion: Criterion = "least energy
     return ax
 
 
-def _draw_stacks(ax: Axes, boxes: Array, stroke: Array) -> None:
+def _draw_stacks(
+    ax: Axes,
+    boxes: Array,
+    stroke: Array,
+) -> None:
     """Draw the boxes (n, 4, 2) of stacks with colours by the signs of their strokes (n,)."""
     is_zero = np.abs(stroke) <= ROUND_OFF * np.max(np.abs(stroke))
     sign = np.sign(np.where(is_zero, 0.0, stroke))
@@ -182,24 +209,49 @@ def _draw_stacks(ax: Axes, boxes: Array, stroke: Array) -> None:
             ax.add_collection(stacks, autolim=False)
 
 
-def _draw_mount(ax: Axes, stage: Stage, stack: Stack, box: Array) -> None:
+def _draw_mount(
+    ax: Axes,
+    stage: Stage,
+    stack: Stack,
+    box: Array,
+) -> None:
     """Draw the rear of a stack as clamped to the frame, or its connection with another carrier."""
     carrier = BODY_NAMES[stack.pushes[1].body]
     if carrier == "frame":
-        ax.plot(*box[2:].T, color=INK, linewidth=2.4, zorder=3.5)
+        ax.plot(
+            *box[2:].T,
+            color=INK,
+            linewidth=2.4,
+            zorder=3.5,
+        )
         return
     name = carrier if carrier == "platform" else f"{carrier} of chain {stack.chain + 1}"
     rear = shapely.Point(box[2:].mean(axis=0))
     mount = shapely.get_coordinates(shapely.shortest_line(rear, _body(stage, name)))
-    ax.plot(*mount.T, color=GREY, linewidth=1.2, zorder=3.5)
+    ax.plot(
+        *mount.T,
+        color=GREY,
+        linewidth=1.2,
+        zorder=3.5,
+    )
 
 
-def _draw_forces(ax: Axes, contacts: Array, along: Array, force: Array) -> None:
+def _draw_forces(
+    ax: Axes,
+    contacts: Array,
+    along: Array,
+    force: Array,
+) -> None:
     """Draw forces (n,) at contacts (n, 2) along vectors (n, 2) that are as long as a link is wide."""
     largest = np.max(np.abs(force))
     shaft = LONGEST_ARROW * along * force[:, None] / (largest or 1.0)
     label = f"force on the pushed body, up to {largest:.4g} {FORCES[0]}"
-    scaled: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004}
+    scaled: dict[str, Any] = {
+        "angles": "xy",
+        "scale_units": "xy",
+        "scale": 1.0,
+        "width": 0.004,
+    }
     ax.quiver(*contacts.T, *shaft.T, color=NOTE_COLOUR, label=label, zorder=6, **scaled)
 
 
@@ -222,7 +274,12 @@ def _number_stack(
     frame = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": GREY}
     look = {"size": 7.0, "bbox": frame | {"linewidth": 0.5}}
     spot = place_label(ax, middle, number, obstacles, distance, **look)
-    ax.plot(*np.transpose([middle, spot]), color=GREY, linewidth=0.6, zorder=3.2)
+    ax.plot(
+        *np.transpose([middle, spot]),
+        color=GREY,
+        linewidth=0.6,
+        zorder=3.2,
+    )
 
 
 def platform_factor(found: StageDrive) -> float:
@@ -249,7 +306,11 @@ def stack_ends(stage: Stage) -> Array:
     return np.stack([points.real, points.imag], axis=-1)
 
 
-def _box(contact: Array, along: Array, width: float) -> Array:
+def _box(
+    contact: Array,
+    along: Array,
+    width: float,
+) -> Array:
     """Return the corners (4, 2) of a drawn stack: two at its ball, then two at its carrier."""
     aside = STACK_WIDTH / 2 * width * np.array([-along[1], along[0]])
     front = contact - BALL * width * along

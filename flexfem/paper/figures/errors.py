@@ -49,7 +49,13 @@ def error_figure(result: Verification, displacement: bool = False) -> Figure:
         plural = "s" * (len(zero) - 1)
         names = " and ".join(zero)
         text = f"Cross direction{plural} {names}: zero error (below 10⁻⁹ of the commanded motion)."
-        figure.supxlabel(text, x=style.MARGIN / WIDTH, ha="left", size=9.5, color=INK)
+        figure.supxlabel(
+            text,
+            x=style.MARGIN / WIDTH,
+            ha="left",
+            size=9.5,
+            color=INK,
+        )
     figure.align_ylabels()
     return figure
 
@@ -58,7 +64,11 @@ def _has_panel(result: Verification, freedom: Direction) -> bool:
     return freedom == result.direction or bool(np.any(percentages(result, freedom)))
 
 
-def _header(result: Verification, shown: list[Direction], displacement: bool) -> list[str]:
+def _header(
+    result: Verification,
+    shown: list[Direction],
+    displacement: bool,
+) -> list[str]:
     """Return the lines on what is drawn, and on what its percentages and bands mean."""
     quantity = "minus commanded displacement"
     if displacement:
@@ -121,11 +131,18 @@ def plot_errors(
 
     Mesh bands are shaded; the legend beside the axes states the percentages at the largest command.
 
-    displacement : draw the displacement in the commanded direction instead, and the command in grey.
-    """
+    displacement : draw the displacement in the commanded direction instead, and the command in
+    grey."""
     errors = percentages(result, freedom)
     scales = _scales(result, displacement)
-    ax.plot(scales.x, scales.base, color=GREY, linewidth=0.8, zorder=1, label="_command")
+    ax.plot(
+        scales.x,
+        scales.base,
+        color=GREY,
+        linewidth=0.8,
+        zorder=1,
+        label="_command",
+    )
     size = 9.0 if len(errors) < 5 else 6.5 if len(errors) < 9 else 5.0
     lines = list[Line2D]()
     texts = list[str]()
@@ -149,7 +166,15 @@ def plot_errors(
     if displacement:
         ax.set_ylabel(f"displacement in {NAMES[freedom]} ({scales.unit})")
         note = "grey: displacement = command"
-        ax.text(0.99, 0.04, note, transform=ax.transAxes, ha="right", color=INK, size=9)
+        ax.text(
+            0.99,
+            0.04,
+            note,
+            transform=ax.transAxes,
+            ha="right",
+            color=INK,
+            size=9,
+        )
         return ax
     ax.set_ylabel("Positioning error,\n% of the commanded motion")
     half = 1.1 * float(np.max(np.abs(errors))) or 1.0
@@ -158,9 +183,20 @@ def plot_errors(
     return ax
 
 
-def _shade_band(ax: Axes, scales: _Scales, y: Array, band: float, colour: Any) -> None:
+def _shade_band(
+    ax: Axes,
+    scales: _Scales,
+    y: Array,
+    band: float,
+    colour: Any,
+) -> None:
     """Shade the mesh band of a curve, which grows with the command to a percentage."""
     share = np.abs(scales.x) / np.max(np.abs(scales.x))
     half = scales.per_cent * band * share
-    look: dict[str, Any] = {"color": colour, "alpha": 0.3, "linewidth": 0, "zorder": 1.5}
+    look: dict[str, Any] = {
+        "color": colour,
+        "alpha": 0.3,
+        "linewidth": 0,
+        "zorder": 1.5,
+    }
     ax.fill_between(scales.x, y - half, y + half, **look)

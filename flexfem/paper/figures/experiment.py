@@ -39,7 +39,11 @@ def experiment_figure(found: Experiment) -> Figure:
     return figure
 
 
-def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
+def plot_push(
+    ax: Axes,
+    found: Experiment,
+    direction: Direction,
+) -> Axes:
     """Draw the readings in one direction, their regression line, and the lines of model and stage.
 
     Returns `ax`.
@@ -57,12 +61,23 @@ def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     if found.low[k] > 0:
         ends = f"{significant(found.low[k], 5)} to {significant(found.high[k], 5)}"
     text = f"{significant(slope)} {STIFFNESSES[k]}\n{settings['confidence']}: {ends}"
-    ax.text(0.04, 0.95, text, transform=ax.transAxes, va="top", size=9.0)
+    ax.text(
+        0.04,
+        0.95,
+        text,
+        transform=ax.transAxes,
+        va="top",
+        size=9.0,
+    )
     ax.set_ylim(top=1.12 * max(model * span[1], float(np.max(load))))
     return ax
 
 
-def plot_remains(ax: Axes, found: Experiment, direction: Direction) -> Axes:
+def plot_remains(
+    ax: Axes,
+    found: Experiment,
+    direction: Direction,
+) -> Axes:
     """Draw the residuals of the readings in one direction, and the limits of the slope's interval.
 
     Returns `ax`.
@@ -80,7 +95,13 @@ def plot_remains(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     return ax
 
 
-def _readings(ax: Axes, found: Experiment, direction: Direction, name: str, values: Array) -> float:
+def _readings(
+    ax: Axes,
+    found: Experiment,
+    direction: Direction,
+    name: str,
+    values: Array,
+) -> float:
     """Draw readings in one direction, with the marks of four runs in turn.
 
     Returns the factor of the unit of x.

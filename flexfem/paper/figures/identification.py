@@ -46,9 +46,22 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
     above = found.region_above.T
     lowest = min(float(np.min(above)), 0.0) - 1.0
     ax.contourf(x, y, above, levels=[lowest, limit], colors=[PALE])
-    ax.contour(x, y, above, levels=[limit], colors=[INK], linewidths=1.3)
+    ax.contour(
+        x,
+        y,
+        above,
+        levels=[limit],
+        colors=[INK],
+        linewidths=1.3,
+    )
     label = f"joint region of {found.settings['confidence']}"
-    ax.plot([], [], color=INK, linewidth=1.3, label=label)
+    ax.plot(
+        [],
+        [],
+        color=INK,
+        linewidth=1.3,
+        label=label,
+    )
     _plot_fits(ax, found)
     ax.axvline(0.0, **LIMIT_LINE)
     name = found.axes["number"][0]
@@ -70,4 +83,12 @@ def _plot_fits(ax: Axes, found: Identification) -> None:
     offsets = [found.offset, *found.cause_offset[1:]]
     fixtures = [found.fixture[0], *found.cause_fixture[1:, 0]]
     for k, (offset, fixture, label) in enumerate(zip(offsets, fixtures, labels, strict=True)):
-        ax.plot(offset, fixture, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
+        ax.plot(
+            offset,
+            fixture,
+            MARKERS[k],
+            color=COLOURS[k],
+            markersize=8,
+            label=label,
+            zorder=4,
+        )

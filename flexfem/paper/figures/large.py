@@ -40,7 +40,12 @@ THEORIES: dict[int, tuple[str, dict[str, Any]]] = {  # labels and looks of the c
     TANGENT: ("(16)", {"color": COLOURS[0], "linewidth": 2.6}),
     EXACT: (
         "exact equilibrium",
-        {"color": INK, "linestyle": "none", "marker": ".", "markevery": 4},
+        {
+            "color": INK,
+            "linestyle": "none",
+            "marker": ".",
+            "markevery": 4,
+        },
     ),
     HELD: ("finite elements held at the command", MARKS | {"marker": "s", "color": COLOURS[2]}),
     LOADED: (
@@ -105,7 +110,13 @@ def plot_large(
     commanded = unit.factor * amplitude * np.arange(-STEPS, STEPS + 1) / STEPS
     ax.set_xlabel(f"commanded {NAMES[direction]} ({unit})")
     ax.set_ylabel("change from rest (%)" if column == "tangent" else "error (% of the command)")
-    ax.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
+    ax.axhline(
+        0.0,
+        color=GREY,
+        linewidth=1.1,
+        zorder=1,
+        label="linear theory, (18)",
+    )
     ax.grid()
     curves = _curves(found, direction, column)
     for values, (theory, (label, look)) in product(curves.values(), THEORIES.items()):
@@ -117,7 +128,11 @@ def plot_large(
     return ax
 
 
-def _curves(found: StageLarge, direction: Direction, column: Column) -> dict[Direction, Array]:
+def _curves(
+    found: StageLarge,
+    direction: Direction,
+    column: Column,
+) -> dict[Direction, Array]:
     """Return the values (commands, theories) of a column, %, by component of the pose."""
     if column == "tangent":
         return {direction: found.at("tangent", direction=direction)}
@@ -128,7 +143,11 @@ def _curves(found: StageLarge, direction: Direction, column: Column) -> dict[Dir
     }
 
 
-def _name_components(ax: Axes, curves: dict[Direction, Array], end: float) -> None:
+def _name_components(
+    ax: Axes,
+    curves: dict[Direction, Array],
+    end: float,
+) -> None:
     """Name the components at the ends of their curves, or say that they are zero."""
     if max(np.max(np.abs(values[:, EXACT])) for values in curves.values()) < ROUND_OFF:
         ax.clear()

@@ -35,7 +35,11 @@ def stage_figure(model: CurveModels, fields: Fields) -> Figure:
     return page((8.27, 7.6), f"{model.stage}: mesh", lines, plot, model)
 
 
-def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
+def plot_mesh(
+    ax: Axes,
+    model: CurveModels,
+    fields: Fields,
+) -> Axes:
     """Draw the mesh of a stage, in mm, the numbers of its hinges, clamped edges and hub.
 
     Returns `ax`.
@@ -45,7 +49,16 @@ def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
     size = fit(ax, nodes)
     _draw_clamped(ax, fields)
     hub = model.hub_radius
-    ax.add_patch(Circle((0, 0), hub, facecolor=HUB, edgecolor=INK, linewidth=0.9, zorder=2.5))
+    ax.add_patch(
+        Circle(
+            (0, 0),
+            hub,
+            facecolor=HUB,
+            edgecolor=INK,
+            linewidth=0.9,
+            zorder=2.5,
+        )
+    )
     frame_cross(ax, max(0.6 * hub, 0.04 * size))
     obstacles: list[Any] = [shapely.MultiPoint(nodes[::4])]
     for number, hinge in enumerate(model.hinges, start=1):
@@ -77,7 +90,16 @@ def _number_hinge(
     look = {"colour": colour, "weight": "bold", "bbox": ring | {"linewidth": 1.2}}
     label = place_label(ax, at, number, obstacles, distance, **look)
     x, y = np.transpose([at, label])
-    ax.plot(x, y, "o-", color=colour, linewidth=0.9, markersize=3.5, markevery=[0], zorder=6)
+    ax.plot(
+        x,
+        y,
+        "o-",
+        color=colour,
+        linewidth=0.9,
+        markersize=3.5,
+        markevery=[0],
+        zorder=6,
+    )
 
 
 def mesh_size(model: CurveModels) -> str:
@@ -102,7 +124,12 @@ def neck_figure(model: CurveModels, fields: Fields) -> Figure:
     return figure
 
 
-def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False) -> Axes:
+def plot_neck(
+    ax: Axes,
+    fields: Fields,
+    hinge: HingeDrawing,
+    whole: bool = False,
+) -> Axes:
     """Draw the mesh at a neck in its local frame, in mm; return `ax`.
 
     whole : the notch with its radius R, instead of the narrowest section with its width t.
@@ -113,7 +140,11 @@ def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False
     local = np.asarray((fields.nodes - np.array(hinge.centre)) @ np.array([[c, -s], [s, c]]))
     near = (np.abs(local[fields.triangles]) < 1.5 * half).all(axis=2).any(axis=1)
     draw_mesh(ax, local, fields.triangles[near], width=0.45)
-    ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
+    ax.set(
+        xlim=(-half, half),
+        ylim=(-half, half),
+        aspect="equal",
+    )
     ax.set(xlabel=f"along the neck ({LENGTH})", ylabel=f"across the neck ({LENGTH})")
     ax.locator_params(nbins=4)
     if whole:
@@ -125,14 +156,35 @@ def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False
 
 def _mark_radius(ax: Axes, hinge: HingeDrawing) -> None:
     middle = np.array([0.0, -hinge.radius - hinge.neck / 2])
-    ax.plot(*middle, "+", color=INK, markersize=8, zorder=5)
+    ax.plot(
+        *middle,
+        "+",
+        color=INK,
+        markersize=8,
+        zorder=5,
+    )
     arrow(ax, middle, middle + hinge.radius * np.array([-np.sqrt(0.5), np.sqrt(0.5)]))
     text = f"R = {hinge.radius:g} {LENGTH}"
-    ax.text(0.0, middle[1] - 0.1 * hinge.radius, text, size=10, ha="center", va="top")
+    ax.text(
+        0.0,
+        middle[1] - 0.1 * hinge.radius,
+        text,
+        size=10,
+        ha="center",
+        va="top",
+    )
 
 
 def _mark_width(ax: Axes, hinge: HingeDrawing) -> None:
     arrow(ax, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
     box = WHITE_BOX | {"edgecolor": GREY, "linewidth": 0.5}
     text = f"t = {hinge.neck:g} {LENGTH}"
-    ax.text(0.12 * hinge.neck, 0.0, text, size=10, va="center", zorder=6, bbox=box)
+    ax.text(
+        0.12 * hinge.neck,
+        0.0,
+        text,
+        size=10,
+        va="center",
+        zorder=6,
+        bbox=box,
+    )

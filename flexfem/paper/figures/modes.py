@@ -20,7 +20,7 @@ from matplotlib.ticker import NullFormatter
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import Array
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.files.writing import replacing
 from flexfem.paper.modes import NaturalModes
 from flexfem.paper.reduced import DynamicModel
@@ -163,13 +163,17 @@ def plot_mode(
     return ax
 
 
-def _exaggerated(mesh: StageMesh, field: Array) -> Array:
+def _exaggerated(mesh: PlaneMesh, field: Array) -> Array:
     """Field (n, 2), mm, scaled so that its largest displacement is visible in both senses."""
     fields = Fields(mesh.nodes, mesh.triangles, mesh.bodies, field, field[:, 0])
     return exaggeration(fields, signs=(1.0, -1.0)) * field
 
 
-def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
+def write_animation(
+    found: NaturalModes,
+    number: int,
+    path: Path,
+) -> list[Path]:
     """Write an in-plane mode (from 1) as an animated GIF of one cycle: its outline, and in grey the
     outline at rest.
 
@@ -183,9 +187,21 @@ def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
     boundary = boundary_of(mesh.triangles)
     figure = Figure(figsize=SIZE)
     ax = figure.add_axes((0.02, 0.02, 0.96, 0.86))
-    figure.text(0.5, 0.98, wrapped(title, SIZE[0] - 0.3, 9), size=9, ha="center", va="top")
+    figure.text(
+        0.5,
+        0.98,
+        wrapped(title, SIZE[0] - 0.3, 9),
+        size=9,
+        ha="center",
+        va="top",
+    )
     draw_boundary(ax, mesh.nodes, boundary, "#9A9A9A", 0.7)
-    moving = LineCollection([], colors=INK, linewidths=1.1, zorder=4)
+    moving = LineCollection(
+        [],
+        colors=INK,
+        linewidths=1.1,
+        zorder=4,
+    )
     ax.add_collection(moving)
     fit(ax, mesh.nodes, VISIBLE + 0.01)
     ax.set_axis_off()

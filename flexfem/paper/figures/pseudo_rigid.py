@@ -51,7 +51,12 @@ def model_sketch(model: CurveModels) -> Figure:
         if any(kind in hinge.freedoms for hinge in model.hinges):
             box: dict[str, Any] = {"facecolor": "white", "edgecolor": SLIDER, "linewidth": 1.6}
             handles.append(Patch(label=MEANING[kind], **box))
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=3,
+        frameon=False,
+    )
     return figure
 
 
@@ -106,23 +111,44 @@ def plot_model(ax: Axes, stage: Stage | CurveModels) -> Axes:
     look: dict[str, Any] = {"facecolor": "#DDE3EA", "edgecolor": LINK, "linewidth": 2.0}
     ax.add_patch(Polygon(platform, joinstyle="round", zorder=1, **look))
     frame_cross(ax, CROSS * size)
-    ax.plot(0, 0, "o", color=NOTE_COLOUR, markersize=4, zorder=6)
+    ax.plot(
+        0,
+        0,
+        "o",
+        color=NOTE_COLOUR,
+        markersize=4,
+        zorder=6,
+    )
     for chain in points:
-        ax.plot(*chain.T, color=LINK, linewidth=4.0, solid_capstyle="round", zorder=2)
+        ax.plot(
+            *chain.T,
+            color=LINK,
+            linewidth=4.0,
+            solid_capstyle="round",
+            zorder=2,
+        )
     for hinge in hinges:
         _draw_joint(ax, hinge, radius)
     _label_model(ax, hinges, size, radius)
     return ax
 
 
-def _symbol_radius(hinges: Sequence[HingeDrawing], points: Array, size: float) -> float:
+def _symbol_radius(
+    hinges: Sequence[HingeDrawing],
+    points: Array,
+    size: float,
+) -> float:
     """Return the radius of the circles of joints; the symbols of two joints fit on every link."""
     shortest = np.linalg.norm(np.diff(points, axis=1), axis=2).min()
     sliders = max(len(hinge.freedoms) for hinge in hinges) - 1
     return float(min(SYMBOL * size, shortest / (ENDS + 2 * PITCH * sliders)))
 
 
-def _draw_joint(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
+def _draw_joint(
+    axes: Axes,
+    hinge: HingeDrawing,
+    radius: float,
+) -> None:
     """Draw a circle for the rotation, a rectangle on rails for each slider, and a ground."""
     at = np.array(hinge.centre)
     along = np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
@@ -139,7 +165,12 @@ def _draw_joint(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
     axes.add_patch(Circle((at[0], at[1]), radius, zorder=5, **look))
 
 
-def _draw_ground(axes: Axes, at: Array, along: Array, across: Array) -> None:
+def _draw_ground(
+    axes: Axes,
+    at: Array,
+    along: Array,
+    across: Array,
+) -> None:
     """Draw the support of a base hinge on hatched ground; the vectors are as long as a radius."""
     foot = at - 3.2 * along
     support: Any = [at, foot + 1.7 * across, foot - 1.7 * across]
@@ -149,10 +180,19 @@ def _draw_ground(axes: Axes, at: Array, along: Array, across: Array) -> None:
     strip: Any = [*ground, *(end - 1.4 * along for end in reversed(ground))]
     hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": INK, "linewidth": 0.0}
     axes.add_patch(Polygon(strip, hatch="//////", zorder=4, **hatched))
-    axes.plot(*np.transpose(ground), color=INK, linewidth=2.2, zorder=4)
+    axes.plot(
+        *np.transpose(ground),
+        color=INK,
+        linewidth=2.2,
+        zorder=4,
+    )
 
 
-def _draw_slider(axes: Axes, middle: Array, axis: Array) -> None:
+def _draw_slider(
+    axes: Axes,
+    middle: Array,
+    axis: Array,
+) -> None:
     """Draw a block between two rails along an axis, a vector as long as the radius of a joint."""
     half = 1.05 * axis
     thick = 0.62 * np.array([-axis[1], axis[0]])
@@ -162,15 +202,31 @@ def _draw_slider(axes: Axes, middle: Array, axis: Array) -> None:
     axes.add_patch(Polygon(block, zorder=4, **look))
     for rail in (1.65 * thick, -1.65 * thick):
         ends = [middle + rail - 1.45 * half, middle + rail + 1.45 * half]
-        axes.plot(*np.transpose(ends), color=SLIDER, linewidth=1.6, zorder=4)
+        axes.plot(
+            *np.transpose(ends),
+            color=SLIDER,
+            linewidth=1.6,
+            zorder=4,
+        )
 
 
-def _label_model(axes: Axes, hinges: list[HingeDrawing], size: float, radius: float) -> None:
+def _label_model(
+    axes: Axes,
+    hinges: list[HingeDrawing],
+    size: float,
+    radius: float,
+) -> None:
     """Write the lengths and angles of chain 1, and the number of each chain at its ground."""
     chains = np.array([hinge.centre for hinge in hinges]).reshape(3, 3, 2)
     corners = np.array([*chains[0], (0.0, 0.0)])
     dash_dotted = (0, (6, 2, 1.5, 2))
-    axes.plot(*corners[2:].T, color=GREY, linewidth=1.2, linestyle=dash_dotted, zorder=3)
+    axes.plot(
+        *corners[2:].T,
+        color=GREY,
+        linewidth=1.2,
+        linestyle=dash_dotted,
+        zorder=3,
+    )
     joints = [*chains.reshape(-1, 2), corners[3]]
     obstacles: list[Any] = [shapely.Point(at).buffer(2.0 * radius) for at in joints]
     obstacles += [shapely.LineString(line) for line in (*chains, corners)]
@@ -178,7 +234,12 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], size: float, radius: fl
     sizes = links_of_chain(hinges)
     labels = _draw_angles(axes, corners, sizes, size, obstacles)
     for anchor, text, colour in labels:
-        look = {"colour": colour, "size": 10, "parse_math": True, "bbox": WHITE_BOX}
+        look = {
+            "colour": colour,
+            "size": 10,
+            "parse_math": True,
+            "bbox": WHITE_BOX,
+        }
         place_label(axes, anchor, text, obstacles, 0.05 * size, **look)
     for hinge in hinges[::3]:
         along = np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
@@ -212,8 +273,19 @@ def _draw_angles(
         arc = at + radius * np.column_stack([np.cos(directions), np.sin(directions)])
         reference = np.array([at, at + 1.35 * (arc[0] - at)])
         dashed = (0, (4, 3))
-        axes.plot(*reference.T, color=NOTE_COLOUR, linewidth=0.8, linestyle=dashed, zorder=6)
-        axes.plot(*arc.T, color=NOTE_COLOUR, linewidth=1.1, zorder=6)
+        axes.plot(
+            *reference.T,
+            color=NOTE_COLOUR,
+            linewidth=0.8,
+            linestyle=dashed,
+            zorder=6,
+        )
+        axes.plot(
+            *arc.T,
+            color=NOTE_COLOUR,
+            linewidth=1.1,
+            zorder=6,
+        )
         arrow(axes, arc[-4], arc[-1], colour=NOTE_COLOUR, width=0.01)
         obstacles += [shapely.LineString(arc), shapely.LineString(reference)]
         degrees = f"{np.rad2deg(angle):.4g}{DEGREE}"

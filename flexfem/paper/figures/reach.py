@@ -50,17 +50,35 @@ def plot_section(ax: Axes, found: StageReach) -> Axes:
     unit = COMMANDS[0]
     section = found.fields.section
     x, y = (unit.factor * found.rest[:2]).tolist()
-    ax.set(xlabel=f"X ({unit})", ylabel=f"Y ({unit})", aspect="equal")
+    ax.set(
+        xlabel=f"X ({unit})",
+        ylabel=f"Y ({unit})",
+        aspect="equal",
+    )
     ax.grid()
     ax.plot(x, y, "+", color=INK, markersize=9.0)
     ax.text(x, y, "  rest", va="bottom", color=INK)
     if not section:
         note = "no reachable area at θ = 0"
-        ax.text(0.5, 0.7, note, transform=ax.transAxes, ha="center", color=INK)
+        ax.text(
+            0.5,
+            0.7,
+            note,
+            transform=ax.transAxes,
+            ha="center",
+            color=INK,
+        )
         return ax
     ends = unit.factor * np.array([(edge.start, edge.end) for edge in section])
     corners = list(ends[:, 0])
-    ax.add_patch(Polygon(corners, facecolor=FILLS["stroke"], edgecolor="none", zorder=1))
+    ax.add_patch(
+        Polygon(
+            corners,
+            facecolor=FILLS["stroke"],
+            edgecolor="none",
+            zorder=1,
+        )
+    )
     combinations = _sorted_kinds({edge.by.kinds for edge in section})
     for index, kinds in enumerate(combinations):
         lines = [line for line, edge in zip(ends, section, strict=True) if edge.by.kinds == kinds]
@@ -69,9 +87,24 @@ def plot_section(ax: Axes, found: StageReach) -> Axes:
         ax.add_collection(LineCollection(lines, zorder=3, **look))
     if found.circle > 0:
         radius = float(found.circle)
-        ax.add_patch(Circle((x, y), radius, fill=False, edgecolor=GREY, linewidth=0.9))
+        ax.add_patch(
+            Circle(
+                (x, y),
+                radius,
+                fill=False,
+                edgecolor=GREY,
+                linewidth=0.9,
+            )
+        )
         text = f"largest circle about rest\nradius {radius:.4g} {unit}"
-        ax.text(x, y - 0.75 * radius, text, ha="center", va="center", color=GREY)
+        ax.text(
+            x,
+            y - 0.75 * radius,
+            text,
+            ha="center",
+            va="center",
+            color=GREY,
+        )
     ax.margins(0.08)
     look = {"loc": "upper left", "bbox_to_anchor": (1.02, 1.0), "frameon": False}
     ax.legend(title="limited by", alignment="left", **look)
@@ -96,13 +129,24 @@ def plot_solid(ax: Any, found: StageReach) -> Any:
     ax.view_init(ELEVATION, AZIMUTH)
     if not solid.faces:
         note = "the reachable poses have no volume"
-        ax.text2D(0.5, 0.7, note, transform=ax.transAxes, ha="center", color=INK)
+        ax.text2D(
+            0.5,
+            0.7,
+            note,
+            transform=ax.transAxes,
+            ha="center",
+            color=INK,
+        )
         return ax
     factors = np.array([unit.factor for unit in COMMANDS])
     corners = factors * solid.vertices
     low = corners.min(axis=0)
     high = corners.max(axis=0)
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    ax.set(
+        xlim=(low[0], high[0]),
+        ylim=(low[1], high[1]),
+        zlim=(low[2], high[2]),
+    )
     ax.locator_params(nbins=5)
     ax.set_box_aspect((high - low) / factors * [1.0, 1.0, found.about.lever], zoom=0.85)
     handles = _draw_faces(ax, solid, corners)
@@ -111,7 +155,11 @@ def plot_solid(ax: Any, found: StageReach) -> Any:
     return ax
 
 
-def _draw_faces(ax: Any, solid: Polytope, corners: Array) -> list[Patch]:
+def _draw_faces(
+    ax: Any,
+    solid: Polytope,
+    corners: Array,
+) -> list[Patch]:
     """Draw the faces that the eye sees; return handles of their kinds of limits for the legend."""
     elevation, azimuth = np.deg2rad([ELEVATION, AZIMUTH])
     in_plane = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth)])
