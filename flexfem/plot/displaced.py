@@ -167,31 +167,57 @@ def _drawn(
     signs : of the displacements that must not cross.
     """
     mesh = _fields(found).mesh
-    columns = min(COLUMNS, len(shapes))
-    rows = -(-len(shapes) // columns)
-    width = PANEL if columns > 1 else WIDE_PANEL
-    factors = [_factor(mesh, shape, signs) for shape in shapes]
-    titles = [
-        _title(shape, factor, signs, width) for shape, factor in zip(shapes, factors, strict=True)
-    ]
-    moved = [
-        mesh.nodes + factor * shape.field for shape, factor in zip(shapes, factors, strict=True)
-    ]
-    everywhere = np.concatenate([mesh.nodes, *moved])
-    wide, high = np.ptp(everywhere, axis=0)
-    height = float(np.clip(high / wide, FLATTEST, TALLEST)) * width
-    height += LINE * (2 + max(title.count("\n") + 1 for title in titles))
-    size = (max(columns * width + 0.3, NARROWEST), rows * height + 0.8)
+    grid = _Grid.of(len(shapes))
+    drawn = [_placed(mesh, shape, signs, grid.width) for shape in shapes]
+    everywhere = np.concatenate([mesh.nodes, *(panel.places for panel in drawn)])
     title = f"{found.about.name}: {subject}"
-    figure, axes = panels(size, title, lines, rows, columns, found.about, len(shapes))
-    for ax, text, shape, places in zip(axes, titles, shapes, moved, strict=True):
-        sizes = np.linalg.norm(shape.field, axis=1)
-        values = sizes / (sizes.max() or 1.0)
-        draw_field(ax, mesh.nodes, mesh.triangles, places, values, SHARE)
+    size = grid.size(everywhere, [panel.title for panel in drawn])
+    figure, axes = panels(size, title, lines, grid.rows, grid.columns, found.about, len(shapes))
+    for ax, panel in zip(axes, drawn, strict=True):
+        draw_field(ax, mesh.nodes, mesh.triangles, panel.places, panel.values, SHARE)
         fit(ax, everywhere, VISIBLE / 2)
-        ax.set_title(text, size=TITLE_SIZE)
+        ax.set_title(panel.title, size=TITLE_SIZE)
     draw_scale(figure, figure.axes, SHARE, "displacement / largest of the drawing")
     return figure
+
+
+class _Panel(NamedTuple):
+    """A drawn shape: its title, its displaced nodes (n, 2), mm, and their displacements (n,) over the largest."""
+
+    title: str
+    places: Array
+    values: Array
+
+
+def _placed(mesh: PlaneMesh, shape: Shape, signs: tuple[float, ...], width: float) -> _Panel:
+    """Return a shape with its own exaggeration, for a panel of a width."""
+    factor = _factor(mesh, shape, signs)
+    sizes = np.linalg.norm(shape.field, axis=1)
+    return _Panel(
+        _title(shape, factor, signs, width),
+        mesh.nodes + factor * shape.field,
+        sizes / (sizes.max() or 1.0),
+    )
+
+
+class _Grid(NamedTuple):
+    """Rows and columns of panels, and the width of one, inches."""
+
+    rows: int
+    columns: int
+    width: float
+
+    @classmethod
+    def of(cls, panels: int) -> _Grid:
+        columns = min(COLUMNS, panels)
+        return cls(-(-panels // columns), columns, PANEL if columns > 1 else WIDE_PANEL)
+
+    def size(self, everywhere: Array, titles: Sequence[str]) -> tuple[float, float]:
+        """Return the size of a figure, inches, whose panels show all places (n, 2)."""
+        wide, high = np.ptp(everywhere, axis=0)
+        height = float(np.clip(high / wide, FLATTEST, TALLEST)) * self.width
+        height += LINE * (2 + max(title.count("\n") + 1 for title in titles))
+        return max(self.columns * self.width + 0.3, NARROWEST), self.rows * height + 0.8
 
 
 def _factor(
