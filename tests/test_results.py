@@ -231,6 +231,17 @@ def test_a_subclass_adds_quantities_to_its_own_kind_alone_and_may_have_a_name_of
     jsonschema.validate(found.to_dict() | {"digest": ""}, NamedBent.schema())
 
 
+def test_texts_are_those_of_the_stated_label_of_a_column_too():
+    axes = {"point": ("output", "tip"), "hinge": ("left", "right")}
+
+    class BentByPoint(Bent):
+        columns = ("point",)
+
+    found = BentByPoint(About("m"), {"stress": [[1.0, 2.0], [3.0, 1.0]]}, axes=axes)
+    assert found.texts("stress", point="tip", hinge="right") == ["1 MPa (right)"]
+    assert found.texts("stress", hinge="right", point="tip") == ["1 MPa (right)"]
+
+
 def test_a_range_is_printed_with_both_ends() -> None:
     record = known_formulas()["smith-chetwynd"]
     assert record.t_over_R == (0.2, 1.0) and ("t over R", "0.2 to 1") in record_parts(record)[0]

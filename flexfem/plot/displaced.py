@@ -182,7 +182,7 @@ def _drawn(
 
 
 class _Panel(NamedTuple):
-    """A drawn shape: its title, its displaced nodes (n, 2), mm, and their displacements (n,) over the largest."""
+    """A drawn shape: title, displaced nodes (n, 2), mm, and displacements (n,) over the largest."""
 
     title: str
     places: Array

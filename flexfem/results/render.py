@@ -217,6 +217,8 @@ class Tables:
         Of axes that are neither rows nor columns it is the first of the largest values.
         """
         spread = self._spread(quantity)
+        if spread in over:  # at one of the columns
+            spread = ""
         axes = self.result.axes
         sizes = np.abs(self.result.internal.values[quantity.name])
         sizes = np.where(np.isnan(sizes), -1.0, sizes)
