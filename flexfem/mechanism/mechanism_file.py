@@ -42,10 +42,10 @@ class MechanismFile(MechanismTables):
 
         Parameters
         ----------
-        **changes : by attribute name, in mm, N, MPa and rad: `thickness=12.0`,
-        `material="ti-6al-4v"`,
-            `parameters={"length_mm": 60.0}` in the unit of the name, `hinge={"left": {"neck":
-            0.4}}` for named parts. A sequence replaces all parts.
+        **changes
+            By attribute name, in mm, N, MPa and rad: `thickness=12.0`, `material="ti-6al-4v"`,
+            `parameters={"length_mm": 60.0}` in the unit of the name, and
+            `hinge={"left": {"neck": 0.4}}` for named parts. A sequence replaces all parts.
 
         Raises
         ------

@@ -188,8 +188,8 @@ class Errors(NamedTuple):
     They are the displacement by finite elements minus the commanded one, under the force of (18).
 
     percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations
-        count with the lever l3, as CONVENTIONS says.
-    band : (3, 3), percentage points, half-width of the numerical uncertainty.
+    count with the lever l3, as CONVENTIONS says.   band : (3, 3), percentage points, half-width of
+    the numerical uncertainty.
     """
 
     percent: Array

@@ -72,13 +72,14 @@ class Stage(StageContent):
 
         Parameters
         ----------
-        **changes : by attribute name, in mm, N, MPa and rad, nested as the tables are:
-        `thickness=12.0`,
+        **changes
+            By attribute name, in mm, N, MPa and rad, nested as the tables are: `thickness=12.0`,
             `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`; `material="ti-6al-4v"`
             takes a registered material. `radius`, `neck`, `prismatic` and `axis` are those of the
             hinges, one value for all three or by name, `neck={"elbow": 0.4}`; a hinge with an
-            override keeps it. A single one of the nine hinges: `override={(2, "elbow"): {"neck":
-            0.52}}`; an actuator, `actuator={"base": {"preload": 40.0}}`, or on one chain,
+            override keeps it. A single one of the nine hinges:
+            `override={(2, "elbow"): {"neck": 0.52}}`; an actuator,
+            `actuator={"base": {"preload": 40.0}}`, or on one chain,
             `override={(2, "actuator", "base"): {"preload": 40.0}}`. A sequence replaces all members
             of an array.
 
