@@ -15,6 +15,7 @@ from flexfem.live.answers import rows_by_model
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.refused import BadInput, ComputationFailed, line_of
 
+POLL = 0.1  # s, between two looks at what the process has sent
 Report = Callable[[str, Any], None]
 """Function of "progress" with a text, "rows" with rows, or "failed" with a text."""
 
@@ -46,11 +47,11 @@ class Elements:
         self._is_busy = True
         pipe.send(mechanism)
         while True:
+            while not pipe.poll():  # a thread that waits in `recv` could not be cancelled
+                await asyncio.sleep(POLL)
             try:
-                kind, content = await asyncio.to_thread(pipe.recv)
-            except (EOFError, OSError):  # ended, by `close` or by the system
-                return
-            if pipe is not self._pipe:
+                kind, content = pipe.recv()
+            except (EOFError, OSError):  # ended by the system
                 return
             self._is_busy = kind == "progress"
             report(kind, content)

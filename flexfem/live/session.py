@@ -32,10 +32,13 @@ class Fault(NamedTuple):
 
 
 class LiveAnswer(NamedTuple):
-    """The answer to one set of numbers: drawing, key results, and how long they took, s."""
+    """The answer to one set of numbers: drawing, key results, and how long they took, s.
+
+    handled : the drawing that a hand moves; without one, `drawing` is a plain one.
+    """
 
     values: dict[str, float]
-    drawing: PlateDrawing
+    drawing: PlateDrawing | None
     handled: Handled | None
     rows: list[Row]
     doubts: list[str]
@@ -127,12 +130,11 @@ class Session:
         values: Mapping[str, float],
     ) -> None:
         began = perf_counter()
-        drawing = drawing_of(mechanism.layout)
+        moved = handled(mechanism)
+        drawing = drawing_of(mechanism.layout) if moved is None else None
         rows = rows_by_model(mechanism, "analytic")
         doubts = assumptions_said(mechanism.assumed, mechanism.not_stated)
-        self.answer = LiveAnswer(
-            dict(values), drawing, handled(mechanism), rows, doubts, perf_counter() - began
-        )
+        self.answer = LiveAnswer(dict(values), drawing, moved, rows, doubts, perf_counter() - began)
         self.mechanism = mechanism
         self._fault_of_numbers = None
 

@@ -20,9 +20,9 @@ SECONDS = 30.0  # until something is seen; it takes less than one, unless the ma
 
 
 @pytest.fixture
-def file(tmp_path):
+def file(request, tmp_path):
     copy = tmp_path / "mine.toml"
-    copy.write_text(PARALLELOGRAM.read_text())
+    copy.write_text(Path(getattr(request, "param", PARALLELOGRAM)).read_text())
     return copy
 
 
@@ -118,3 +118,14 @@ def test_a_slider_answers_a_fault_is_shown_at_its_line_and_numbers_are_saved(
     lines = zip(text.splitlines(), file.read_text().splitlines(), strict=True)
     assert len([1 for old, new in lines if old != new]) == 1
     assert browser.get_log("browser") == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", [ROOT / "geometry/mobility6.toml"], indirect=True)
+def test_the_plain_drawing_of_a_stage_follows_a_slider(file: Path, served, browser):
+    page = LiveBrowser(browser, served)
+    drawn = "return document.getElementById('drawing').innerHTML"
+    before = browser.execute_script(drawn)
+    assert 'class="hinge"' in before
+    page.drag("chain.link_lengths_mm[0]")
+    assert browser.execute_script(drawn) != before

@@ -4,7 +4,7 @@ const SVG = "http://www.w3.org/2000/svg";
 const OUTPUT_SIZE = 0.012; // of the drawing
 let state = null; // the last one that was sent
 let values = {}; // of the sliders, by key path
-let handledText = ""; // what is drawn
+let drawnText = ""; // what is drawn
 let waiting = false; // for the answer to a change
 let pending = false; // whether sliders moved since then
 
@@ -175,9 +175,10 @@ function show(sent) {
     values = { ...sent.values };
     showSliders();
   }
-  if (handledText !== JSON.stringify(sent.handled)) {
+  const text = JSON.stringify([sent.drawing, sent.handled]);
+  if (text !== drawnText) { // else a drag would end where finite elements answer
     draw(sent.drawing, sent.handled);
-    handledText = JSON.stringify(sent.handled);
+    drawnText = text;
   }
   showRows(sent.rows, sent.elements.rows || []);
   showFault(sent.fault);
