@@ -14,7 +14,7 @@ from flexfem.fem.plate_mesh import plate_contours
 from flexfem.files.provenance import assumptions_said
 from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, write_atomically
-from flexfem.mechanism.contours import Part, cut_path
+from flexfem.mechanism.contours import LARGEST_KERF, Part, cut_path
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism, of_stage
 from flexfem.refused import BadInput
@@ -23,7 +23,6 @@ FORMATS = (".dxf", ".svg", ".step")
 SMALLEST = (
     0.01  # mm, of kerf and holes; a smaller value is a unit error: wires have 0.02 mm or more
 )
-LARGEST_KERF = 10.0  # mm, some 30 times a common kerf
 LARGEST_HOLE = 1e3  # mm
 LONGEST = 100  # characters of a name on a drawing
 HOLES_NOT_INCLUDED = "the models do not include the mounting holes, which make the pads softer"

@@ -16,6 +16,7 @@ from flexfem.files.writing import check_file, write_atomically
 from flexfem.importing.departure import Departure, departure, drawn_polygon, fine_polygon
 from flexfem.importing.found import FoundPlate
 from flexfem.importing.roles import Roles, Wishes, actuator_of, body_shape, point_of, roles_of
+from flexfem.importing.units import LARGEST_THICKNESS
 from flexfem.importing.write import Heading, WrittenMechanism, in_order, written
 from flexfem.mechanism.content import Origin
 from flexfem.mechanism.feasibility import check_feasible
@@ -26,8 +27,6 @@ from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.mechanism.outlines import area
 from flexfem.refused import BadInput
 
-LARGEST_THICKNESS = 1e4  # mm
-LARGEST_KERF = 10.0  # mm
 OFF = 1e-3  # mm, of an edge of the written file from the drawing
 OFF_AREA = 1e-6  # the same of the area, per area of the plate
 OFF_MEAN = 1e-4  # mm, mean distance along the edge: curves that arcs stand for are off by as much

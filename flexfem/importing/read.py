@@ -21,8 +21,8 @@ from flexfem.importing.regions import DrawnPlate, OpenChain
 from flexfem.importing.smooth import SmoothLoop, smoothed
 from flexfem.importing.step import read_step
 from flexfem.importing.svg import read_svg
-from flexfem.importing.units import DrawingUnit
-from flexfem.mechanism.contours import Part, cut_path
+from flexfem.importing.units import LARGEST_THICKNESS, DrawingUnit
+from flexfem.mechanism.contours import LARGEST_KERF, Part, cut_path
 from flexfem.mechanism.outlines import Segment, circle_of, reverse
 from flexfem.refused import BadInput
 
@@ -30,8 +30,6 @@ SOLIDS = (".step", ".stp")
 FORMATS = (".dxf", *SOLIDS, ".svg")
 TOLERANCE = 0.01  # mm; gaps up to this are closed
 LARGEST_TOLERANCE = 1.0  # mm
-LARGEST_KERF = 10.0  # mm
-LARGEST_THICKNESS = 1e4  # mm
 LARGEST_FILE = 100_000_000  # bytes
 MOST_SEGMENTS = 200_000
 SMALL = 5.0

@@ -9,6 +9,7 @@ from flexfem.files.refusals import nearest
 from flexfem.refused import BadInput, printed
 
 INCH = 25.4  # mm
+LARGEST_THICKNESS = 1e4  # mm, of a plate; a larger one is a unit error
 LENGTHS = {  # mm
     "mm": 1.0,
     "cm": 10.0,

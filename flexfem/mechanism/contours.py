@@ -12,6 +12,7 @@ import shapely
 from flexfem.mechanism.outlines import Segment, area, offset, polygon_points
 from flexfem.refused import BadInput
 
+LARGEST_KERF = 10.0  # mm, some 30 times a common kerf
 TANGENT = 1e-6  # rad; bend below which two segments join smoothly
 # rad; bend up to which segments that approximate a curve may be joined between their ends
 BLUNT = 1e-2

@@ -13,18 +13,13 @@ import scipy.sparse as sp
 import shapely
 from scipy.sparse.csgraph import connected_components
 
-from flexfem.mechanism.hinge_place import ALONG as ALONG
-from flexfem.mechanism.hinge_place import SIDES as SIDES
-from flexfem.mechanism.hinge_place import corners_at, position
-from flexfem.mechanism.hinge_place import cut_box as cut_box
-from flexfem.mechanism.hinge_place import cuts_of as cuts_of
-from flexfem.mechanism.hinge_place import end_corners as end_corners
-from flexfem.mechanism.hinge_place import end_lines as end_lines
-from flexfem.mechanism.hinge_place import in_hinge as in_hinge
-from flexfem.mechanism.hinge_place import joint_loop as joint_loop
-from flexfem.mechanism.hinge_place import joint_polygon as joint_polygon
-from flexfem.mechanism.hinge_place import neck_line as neck_line
-from flexfem.mechanism.hinge_place import section_middle as section_middle
+from flexfem.mechanism.hinge_place import (
+    ALONG,
+    corners_at,
+    cuts_of,
+    joint_polygon,
+    position,
+)
 from flexfem.mechanism.layout import Body, Joint, Layout
 from flexfem.mechanism.outlines import area, polygon_points
 from flexfem.mechanism.profile_shape import FIRST, LEFT

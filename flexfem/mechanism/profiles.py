@@ -22,21 +22,21 @@ from typing import Any
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.mechanism.edges import Bezier as Bezier
-from flexfem.mechanism.edges import Curve as Curve
-from flexfem.mechanism.edges import Ellipse as Ellipse
-from flexfem.mechanism.edges import backwards, mirror_image
-from flexfem.mechanism.edges import mapped as mapped
+from flexfem.mechanism.edges import Bezier, Curve, Ellipse, backwards, mapped, mirror_image
 from flexfem.mechanism.outlines import SHORTEST, Segment, polyline
-from flexfem.mechanism.profile import STUBBY, Refinement
-from flexfem.mechanism.profile import Profile as Profile
-from flexfem.mechanism.profile_beam import SHEAR_CORRECTION as SHEAR_CORRECTION
-from flexfem.mechanism.profile_shape import CORNERS, FILE_KEYS, FIRST, LEFT, RIGHT, SECOND, is_one
-from flexfem.mechanism.profile_shape import BadDimension as BadDimension
-from flexfem.mechanism.stress_concentration import Concentration as Concentration
-from flexfem.mechanism.stress_concentration import concentration as concentration
-from flexfem.mechanism.stress_concentration import shoulder
-from flexfem.mechanism.tabulated import Tabulated as Tabulated
+from flexfem.mechanism.profile import STUBBY, Profile, Refinement
+from flexfem.mechanism.profile_shape import (
+    CORNERS,
+    FILE_KEYS,
+    FIRST,
+    LEFT,
+    RIGHT,
+    SECOND,
+    BadDimension,
+    is_one,
+)
+from flexfem.mechanism.stress_concentration import Concentration, shoulder
+from flexfem.mechanism.tabulated import Tabulated
 
 # triangle size on a fillet, per radius and resolution; with 2, gmsh divided it alike on coarse
 # meshes
