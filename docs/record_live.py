@@ -25,11 +25,12 @@ from selenium import webdriver
 from selenium.webdriver.common.action_chains import ActionChains
 
 TARGET = Path(__file__).with_name("live.gif")
-SIZE = (1180, 760)  # of the window, pixels
-WIDTH = 900  # of the picture
+SIZE = (1400, 960)  # of the window, pixels
+WIDTH = 960  # of the picture
 PART = ("--thickness", "10mm", "--material", "al-7075-t6")
 FIRST = 2500  # ms, of the drawing and of the answers by finite elements
 MOVING = 120  # ms, of a frame in which something moves
+THICKNESS = "parameters.neck_mm"  # of the leaves, in the imported file
 WAIT = 240  # s, for finite elements
 COLOURS = 64
 Frame = tuple[Image.Image, int]
@@ -81,8 +82,8 @@ def dragged(page: webdriver.Chrome) -> Iterator[Frame]:
 
 
 def slid(page: webdriver.Chrome) -> Iterator[Frame]:
-    """Move the slider of the first parameter to other values, and wait for the answers."""
-    number = page.find_element("css selector", "#sliders input[type=range]")
+    """Move the slider of the thickness of the leaves to other values."""
+    number = page.find_element("css selector", f"#sliders input[data-path='{THICKNESS}']")
     value = float(number.get_attribute("value") or 0.0)
     for share in np.linspace(1.0, 1.35, 8)[1:]:
         page.execute_script(
@@ -91,6 +92,7 @@ def slid(page: webdriver.Chrome) -> Iterator[Frame]:
             value * share,
         )
         time.sleep(0.6)
+        assert not page.find_element("id", "fault").is_displayed(), "the page states a fault"
         yield shot(page, MOVING)
 
 
