@@ -4,7 +4,7 @@ cases/study-trust.toml once more.
     python benchmarks/trust.py [--output reports]
 
 The designs of the study, but in the place of plane finite elements the hinges of three-dimensional
-ones (the thickness chart) with elastic links. Draws the map, and prints the error along X and theta
+ones (the thickness chart) with elastic links. Draws the map, and prints the error along x and theta
 where the plane one says that necks are thin, and the neck at which it changes its sign."""
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def main() -> None:
         found[:, i, j].reshape(len(radii), len(necks)) for i, j in ((0, 0), (1, 0), (0, 1))
     )
     print(
-        "| radius, mm | t, mm | plane, X, % | thick, X, % | thick, theta, % | thick changes sign "
+        "| radius, mm | t, mm | plane, x, % | thick, x, % | thick, theta, % | thick changes sign "
         "at t, mm |"
     )
     print("|---:|---:|---:|---:|---:|---:|")
@@ -77,7 +77,7 @@ def main() -> None:
     across, up = (factor(column) for column in loaded.columns)
     lines = [f"Base stage: {loaded.base.name}.", LINES]
     shown = StudyMap(
-        Caption("Error along X of a stage 10 mm thick", lines, *loaded.assumptions),
+        Caption("Error along x of a stage 10 mm thick", lines, *loaded.assumptions),
         *(across, up, output("error_x_percent")),
         Cells(values, thick.ravel(), {"refused or off the charts": without}, True),
         marks=(-5.0, 5.0, 10.0),

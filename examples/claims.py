@@ -331,7 +331,7 @@ def larger_radius(on: Pairs) -> Array:
 
 
 def rotation_more(on: Pairs) -> Array:
-    """By how many points the error of mobility six in theta is larger than those in X and Y."""
+    """By how many points the error of mobility six in theta is larger than those in x and y."""
     error = np.abs(on.six.along)
     return error[:, 2:] - np.max(error[:, :2], axis=-1, keepdims=True)
 
@@ -350,7 +350,7 @@ def off_diagonal(on: Pairs) -> Array:
 
 
 def softer(on: Pairs) -> Array:
-    """By how many per cent finite elements are more compliant than the model, in X, Y and theta."""
+    """By how many per cent finite elements are more compliant than the model, in x, y and theta."""
     return 100 * (1 - 1 / np.diagonal(on.six.compliance @ on.six.stiffness, axis1=1, axis2=2))
 
 
@@ -840,7 +840,7 @@ def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
     beside = np.array(
         [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, 0.5, 1.0]]
     )  # wrench of a load 0.5 mm off the centre
-    where = "0.5 mm off the centre in X and in Y"
+    where = "0.5 mm off the centre in x and in y"
     yield f"load applied {where}", error_matrix(K, C @ beside, lever)
     yield f"pose read {where}", error_matrix(K, beside.T @ C, lever)
     yield f"load applied and pose read {where}", error_matrix(K, beside.T @ C @ beside, lever)
@@ -983,9 +983,9 @@ def page(
     columns = (
         "alternative",
         "model",
-        "X along",
+        "x along",
         "across",
-        "Y along",
+        "y along",
         "across",
         "theta along",
         "across",

@@ -2,10 +2,10 @@
 Which poses does the drive reach?
 =================================
 
-The figure shows the poses in X and Y that six pairs of piezo stacks reach together. The limits are
+The figure shows the poses in x and y that six pairs of piezo stacks reach together. The limits are
 the strokes and blocking forces of the stacks, contacts that only push, and yield of the necks. The
 edges are numbered counter-clockwise, as `section` lists them. The script then prints the reach
-along X for stacks that push link 1 farther from the base hinge. All numbers of the drive are
+along x for stacks that push link 1 farther from the base hinge. All numbers of the drive are
 assumed."""
 
 from matplotlib import pyplot

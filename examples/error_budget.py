@@ -2,7 +2,7 @@
 Where does the error come from?
 ===============================
 
-The figure splits the error of the analytic model of the paper in X into shares that add up to it,
+The figure splits the error of the analytic model of the paper in x into shares that add up to it,
 for necks of 0.2 and 0.5 mm. Formula (2) was made for thin necks; for thick necks it causes most of
 the error. Dimensions are assumed."""
 

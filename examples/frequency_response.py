@@ -2,7 +2,7 @@
 How fast may the platform be driven?
 ====================================
 
-The figure shows the response of the platform to a force in X over the frequency, without and with a
+The figure shows the response of the platform to a force in x over the frequency, without and with a
 payload of 50 g. The damping, 1 % of critical, and the dimensions are assumed."""
 
 import numpy as np

@@ -3,7 +3,7 @@ How does a tolerance of the necks change the stiffness?
 =======================================================
 
 Each of the nine necks deviates by its own amount from the drawn width. The figure shows the scatter
-of the stiffness, and the coupling of X and Y, which is zero on a symmetric stage. The analytic
+of the stiffness, and the coupling of x and y, which is zero on a symmetric stage. The analytic
 model computes 400 stages. Their necks are drawn from a normal distribution with a standard
 deviation of 5 µm. Dimensions and scatter are assumed."""
 
@@ -36,11 +36,11 @@ figure, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrain
 left.hist(deviation, bins=30, color="0.6", edgecolor="0.2")
 left.set(xlabel="deviation of K_xx (%)", ylabel="stages")
 right.hist(coupling, bins=30, color="0.6", edgecolor="0.2")
-right.set(xlabel="coupling of X and Y, K_xy / √(K_xx K_yy) (%)", ylabel="stages")
+right.set(xlabel="coupling of x and y, K_xy / √(K_xx K_yy) (%)", ylabel="stages")
 
 # %%
 # 95 % of the stages lie within:
 
-for name, values in (("K_xx", deviation), ("coupling of X and Y", coupling)):
+for name, values in (("K_xx", deviation), ("coupling of x and y", coupling)):
     low, high = np.percentile(values, [2.5, 97.5])
     print(f"{name}: {low:+.2f} to {high:+.2f} %")

@@ -2,7 +2,7 @@
 Which neck and which link give a required stiffness?
 ====================================================
 
-The script finds the longest range at yield in X with a stiffness of at least 60 N/mm. Two
+The script finds the longest range at yield in x with a stiffness of at least 60 N/mm. Two
 dimensions of the reference stage are free. The analytic model finds the design; finite elements
 correct and verify it. Dimensions are assumed."""
 
@@ -14,7 +14,7 @@ from matplotlib import pyplot
 import flexfem
 
 WANTED = f"""
-name = "Longest range in X at 60 N/mm"
+name = "Longest range in x at 60 N/mm"
 stage = "{Path("../geometry/mobility6.toml").resolve().as_posix()}"
 seed = 2003
 
@@ -33,12 +33,12 @@ to = 40.0
 step = 0.5
 
 [[require]]
-label = "stiffness in X"
+label = "stiffness in x"
 quantity = "kxx_n_per_mm"
 at_least = 60.0
 
 [[objective]]
-label = "range at yield in X"
+label = "range at yield in x"
 maximise = "range_x_um"
 """
 

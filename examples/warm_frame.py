@@ -27,6 +27,6 @@ for name, expansion in frames.items():
     right.annotate(
         name, (1e6 * expansion, moved[name]), xytext=(-6, 6), textcoords="offset points", ha="right"
     )
-right.set(xlabel="expansion of the frame (µm/(m K))", ylabel="X per gradient along X (µm per K/mm)")
+right.set(xlabel="expansion of the frame (µm/(m K))", ylabel="x per gradient along x (µm per K/mm)")
 right.set(xlim=(-3, 26), ylim=(-48, 5))
 right.grid(color="0.9")

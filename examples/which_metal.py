@@ -24,8 +24,8 @@ for index, (name, at) in enumerate(found.items()):
         name, at, xytext=(7, -8 if index % 2 else 3), textcoords="offset points", fontsize=9
     )
 ax.set(
-    xlabel="range at yield in X (µm)",
-    ylabel="stiffness in X (N/mm)",
+    xlabel="range at yield in x (µm)",
+    ylabel="stiffness in x (N/mm)",
     xlim=(0, 1.35 * max(x for x, _ in found.values())),
 )
 ax.grid(color="0.9")

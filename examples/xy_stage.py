@@ -3,7 +3,7 @@ A mechanism of your own
 =======================
 
 The left plot shows a ready-made mechanism, an XY stage with two piezoelectric actuators. The right
-plot shows it by finite elements: the stage is held at 100 µm in X, drawn 60 times larger. The
+plot shows it by finite elements: the stage is held at 100 µm in x, drawn 60 times larger. The
 colours show the von Mises stress. All dimensions are assumed."""
 
 import sys

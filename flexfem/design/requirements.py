@@ -106,7 +106,7 @@ class Require(Limited):
     at_most: End | None = Field(
         default=None, description="Upper limit; one or both are needed", examples=[150.0]
     )
-    label: Label | None = Field(default=None, examples=["stiffness in X"])
+    label: Label | None = Field(default=None, examples=["stiffness in x"])
     """Name in the output"""
 
     @model_validator(mode="after")
@@ -126,7 +126,7 @@ class Objective(Table):
     """Expression to maximise"""
     minimise: Expression | None = Field(default=None, examples=["envelope_mm"])
     """Instead of `maximise`: expression to minimise"""
-    label: Label | None = Field(default=None, examples=["range at yield in X"])
+    label: Label | None = Field(default=None, examples=["range at yield in x"])
     """Name in the output"""
 
     @model_validator(mode="after")

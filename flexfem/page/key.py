@@ -25,7 +25,7 @@ LINEAR = ("yield_range", "yield_force")
 SENSES = ("positive", "negative")
 UNKNOWN = "not known"
 MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to stop or start it."
-HEAD = ["", "X", "Y", "θ"]
+HEAD = ["", "x", "y", "θ"]
 
 
 class KeyResults(NamedTuple):

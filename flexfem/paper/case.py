@@ -72,7 +72,7 @@ class Case(Sourced):
 
     kind: ClassVar[str] = "case file"
 
-    name: Label = Field(description="Title of the figure", examples=["Error for a command in X"])
+    name: Label = Field(description="Title of the figure", examples=["Error for a command in x"])
     direction: Direction = Field(
         description="Direction of the commanded displacement of the platform", examples=["x"]
     )

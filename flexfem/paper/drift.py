@@ -1,6 +1,6 @@
 """Effect of a change of temperature on the nine-hinge stage.
 
-The temperature field is linear in X and Y, in three dimensions also in Z. In three dimensions
+The temperature field is linear in x and y, in three dimensions also in z. In three dimensions
 displacements out of the plane are relative to the frame, which bows.
 """
 
@@ -155,7 +155,7 @@ def drift(
     thickness_resolution: int | None = None,
     progress: Progress | None = None,
 ) -> Drift:
-    """Displacement and stress of a stage per kelvin, and per kelvin per mm along X, Y and Z."""
+    """Displacement and stress of a stage per kelvin, and per kelvin per mm along x, y and z."""
     layers = setup.elements_through(solid, thickness_resolution)
     mesh = answers.mesh_of(stage, models, resolution, layers, LEAST_SOLID if layers else 4)
     with naming_place(stage):
@@ -269,7 +269,7 @@ def _with_stress_across(
 
 
 def _of_unlike_chains(chosen: ModelChoice, cases: int) -> dict[str, Array]:
-    """Return the pose (cases, 3) that moves furthest in X and Y of a stage with unlike chains.
+    """Return the pose (cases, 3) that moves furthest in x and y of a stage with unlike chains.
 
     Nothing for a stage whose chains differ, or whose necks cannot be changed. The analytic model
     has no gradient in depth, whose pose is nan.

@@ -134,7 +134,7 @@ class Pole(Table):
         alias="push_height_mm",
         examples=[30.0],
     )
-    """Height of the actuator force in X and Y; by default the end of the pole"""
+    """Height of the actuator force in x and y; by default the end of the pole"""
     youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[206.0])
     """Young's modulus of the pole"""
     poissons_ratio: Poisson = Field(description="Poisson's ratio of the pole", examples=[0.3])

@@ -36,8 +36,8 @@ BOTH_SENSES = (1.0, -1.0)
 CONVENTION = "Displacements are exaggerated; grey: at rest."
 WARM = {
     "uniform": "1 K everywhere",
-    "gradient in x": "1 K/mm along X",
-    "gradient in y": "1 K/mm along Y",
+    "gradient in x": "1 K/mm along x",
+    "gradient in y": "1 K/mm along y",
 }
 
 
@@ -116,7 +116,7 @@ def gravity_figure(found: MechanismGravity) -> Figure:
     ]
     title.append(f"highest hinge stress {found.texts('stress', model=model)[0]}")
     lines = [
-        f"Upright plate, gravity {minus(found.settings['gravity'])} from X; numbers: {model}. "
+        f"Upright plate, gravity {minus(found.settings['gravity'])} from x; numbers: {model}. "
         f"Shape: plane finite elements. {CONVENTION}"
     ]
     return _drawn(found, "displacement by weight", lines, [Shape(title, field)])

@@ -110,10 +110,10 @@ def frame_cross(
     length: float,
     at: complex = 0j,
 ) -> None:
-    """Draw the X and Y axes of the platform or output at a point."""
+    """Draw the x and y axes of the platform or output at a point."""
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
     look |= {"color": NOTE_COLOUR, "size": 9.0, "zorder": 8}
-    directions = {"X": (1, (0.0, -9.0)), "Y": (1j, (-9.0, 0.0))}
+    directions = {"x": (1, (0.0, -9.0)), "y": (1j, (-9.0, 0.0))}
     for name, (direction, offset) in directions.items():
         tip = xy(at + length * direction)
         arrow(axes, xy(at), tip, colour=NOTE_COLOUR, width=1.2)

@@ -436,7 +436,7 @@ def _meanings(
         "dotted: another material": layout.mixed,
         "blue: actuators": bool(layout.actuators),
         "disc: the hub, rigid in the models": with_discs,
-        "X, Y: output": bool(layout.points),
+        "x, y: output": bool(layout.points),
         "light blue: the drawing": recognised is not None,
         "red: thin parts that are no hinges": recognised is not None and bool(recognised.slender),
     }

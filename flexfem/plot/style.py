@@ -69,7 +69,7 @@ DASHES: tuple[Any, ...] = (
     (0, (2, 2)),
 )
 HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
-NAMES: dict[Direction, str] = {"x": "X", "y": "Y", "theta": "\N{GREEK SMALL LETTER THETA}"}
+NAMES: dict[Direction, str] = {"x": "x", "y": "y", "theta": "\N{GREEK SMALL LETTER THETA}"}
 LETTER = {"normal": 0.51, "bold": 0.58}  # mean width of a letter over the font size
 TABLE_SIZE = 8.0  # points
 MARGIN = 0.3  # in, left and right of the header

@@ -10,7 +10,7 @@ from flexfem.results import SPACE, number
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # tolerance within which a limit counts as round
-SYMBOLS = ("X", "Y", "θ")
+SYMBOLS = ("x", "y", "θ")
 
 
 def significant(value: float, digits: int = 4) -> str:

@@ -1,6 +1,6 @@
 """Effect of a change of temperature on a mechanism: pose and stress per kelvin and per K/mm.
 
-Mechanism and frame have the same temperature field, linear in X and Y. The mechanism does not
+Mechanism and frame have the same temperature field, linear in x and y. The mechanism does not
 strain the frame. In plane strain the faces are held at the expansion of the frame: the plate
 expands in the plane by `a + nu (a - a_frame)`, and carries `E (a_frame - a)` out of the plane
 besides the stress of plane strain, both per kelvin. In three dimensions the faces are free.
@@ -87,7 +87,7 @@ def drift(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> MechanismDrift:
-    """Displacement and stress of a mechanism per kelvin, and per kelvin per mm along X and Y.
+    """Displacement and stress of a mechanism per kelvin, and per kelvin per mm along x and y.
 
     In plane strain the faces are held at the expansion of the frame. In plane stress and in three
     dimensions they are free.

@@ -138,7 +138,7 @@ def large(
     mechanism : Mechanism
         The mechanism, of a mechanism file or of a stage file.
     amplitude : float or str
-        Largest displacement in X and Y, mm; in theta 0.02 rad for every mm. The output of a
+        Largest displacement in x and y, mm; in theta 0.02 rad for every mm. The output of a
         mechanism is driven by it along its softest translation, or turned by an angle with its
         unit, such as "5deg"; against it if negative.
     along : {"x", "y", "theta"}, optional

@@ -46,24 +46,24 @@ def _by_direction(
     angular: str = "mrad",
 ) -> dict[str, str]:
     """Return the label of one column for each direction."""
-    units = zip(DIRECTIONS, "XYθ", (unit, unit, angular), strict=True)
+    units = zip(DIRECTIONS, "xyθ", (unit, unit, angular), strict=True)
     return {f"{name}_{axis}_{ending}": label.format(letter) for axis, letter, ending in units}
 
 
 GROUPS = (
     Group(
         {
-            "kxx_n_per_mm": "stiffness XX",
-            "kyy_n_per_mm": "stiffness YY",
+            "kxx_n_per_mm": "stiffness xx",
+            "kyy_n_per_mm": "stiffness yy",
             "ktt_n_mm_per_rad": "stiffness θθ",
-            "kxy_n_per_mm": "stiffness XY",
-            "kxt_n": "stiffness Xθ",
-            "kyt_n": "stiffness Yθ",
+            "kxy_n_per_mm": "stiffness xy",
+            "kxt_n": "stiffness xθ",
+            "kyt_n": "stiffness yθ",
         },
         "stiffness of the platform, `K_ij`: along one direction with the other two held",
     ),
     Group(
-        {"coupling_xy": "coupling XY", "coupling_xt": "coupling Xθ", "coupling_yt": "coupling Yθ"},
+        {"coupling_xy": "coupling xy", "coupling_xt": "coupling xθ", "coupling_yt": "coupling yθ"},
         "`K_ij / sqrt(K_ii K_jj)`",
     ),
     Group(
@@ -103,8 +103,8 @@ GROUPS = (
     ),
     Group(
         {
-            "engaged_kxx_n_per_mm": "engaged stiffness XX",
-            "engaged_kyy_n_per_mm": "engaged stiffness YY",
+            "engaged_kxx_n_per_mm": "engaged stiffness xx",
+            "engaged_kyy_n_per_mm": "engaged stiffness yy",
             "engaged_ktt_n_mm_per_rad": "engaged stiffness θθ",
         },
         "with `[drive]` `actuators`: stiffness with constant strokes of the stacks, other two "
@@ -135,7 +135,7 @@ GROUPS = (
     Group(
         _by_direction("drift", "drift in {} per kelvin", "um_per_k", "urad_per_k"),
         "with `[drift]`: pose per kelvin of a uniform temperature change, as in `flexfem drift`; "
-        "round-off in X and Y where chains are identical",
+        "round-off in x and y where chains are identical",
         "drift",
     ),
     Group(
@@ -207,7 +207,7 @@ def sizes_of(columns: Mapping[str, Array]) -> dict[str, Array]:
     """Return the reference size, (n,) or one number, of each column that symmetry can make zero;
     for round-off.
 
-    columns : (n,) each, stiffnesses and drift by name.   Drift in X and Y also refers to that of
+    columns : (n,) each, stiffnesses and drift by name.   Drift in x and y also refers to that of
     the rotation at 1 mm."""
     sizes = {name: np.asarray(scale) for name, scale in SCALES.items()}
     for name, (first, second) in CROSS.items():

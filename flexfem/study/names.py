@@ -50,7 +50,7 @@ def asked(path: str, mechanism: Mechanism) -> AxisText:
     head, *rest = quantity.meaning.split(", ")
     for axis, label in zip(quantity.over, labels, strict=True):
         if axis == "direction":
-            head += f" in {'XYθ'[DIRECTIONS.index(label)]}"
+            head += f" in {'xyθ'[DIRECTIONS.index(label)]}"
         elif axis != "model":
             rest.append(label if label.startswith(axis) else f"{axis} {label}")
     place = tuple(DIRECTIONS.index(label) if label in DIRECTIONS else 0 for label in labels)

@@ -163,7 +163,7 @@ def test_a_page_of_stored_results_has_their_tables_curves_and_assumptions(tmp_pa
     }
     told = re.findall(r"<rect [^>]*><title>([^<]*)</title>", page)
     assert (
-        "one\ncommanded X (µm): 50.00\nPositioning error, % of the commanded motion: 5.000" in told
+        "one\ncommanded x (µm): 50.00\nPositioning error, % of the commanded motion: 5.000" in told
     )
 
 

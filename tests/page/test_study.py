@@ -138,7 +138,7 @@ def test_a_study_that_was_run_becomes_a_page(flexfem):
     html = Path("page.html").read_text()
     assert said["bytes"] == len(html.encode()) < 1e6 and said["written"] == "page.html"
     assert said["sections"][:2] == [
-        "Stiffness XX against range in X at yield",
+        "Stiffness xx against range in x at yield",
         "Settings of the study",
     ]
     assert "flexfem report small.toml -o page.html --folder kept" in html
@@ -188,7 +188,7 @@ most = 200
     normal = "normal, mean 70, standard deviation 1.5, at least 66"
     assert rows["Young&#39;s modulus"] == ["material.youngs_modulus_gpa", "GPa", normal]
     assert rows["thickness"] == ["thickness_mm", "mm", "8, 10.5"]
-    assert rows["stiffness XX"] == ["kxx_n_per_mm", "N/mm", ""]
+    assert rows["stiffness xx"] == ["kxx_n_per_mm", "N/mm", ""]
     assert rows["Kxx over Kyy"] == ["ratio", "1", "kxx_n_per_mm / kyy_n_per_mm"]
     assert rows["kxx_n_per_mm"] == ["kxx_n_per_mm", "at least 12.5 and at most 400"]
     assert rows["&lt;small&gt;"] == ["envelope_mm", "at most 200"]

@@ -46,4 +46,4 @@ def test_the_curve_of_large_displacements_is_drawn_along_the_driven_direction(pa
     force, tangent = figures_of(found)[""].axes
     assert along_of(found) == "x"
     assert force.get_ylabel() == "force (N)"
-    assert "in X" in tangent.get_xlabel()
+    assert "in x" in tangent.get_xlabel()

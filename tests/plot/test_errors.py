@@ -20,7 +20,7 @@ BANDS = {
     "mobility three": (0.0173, 0.0273, 0.0373),
     "mobility six": (0.1173, 0.1273, 0.1373),
 }  # per cent
-NAMES = {"x": "X", "y": "Y", "theta": "θ"}
+NAMES = {"x": "x", "y": "y", "theta": "θ"}
 LEVER = 21.0
 
 
@@ -163,8 +163,8 @@ def test_a_title_of_wide_letters_ends_before_the_note_beside_it(made):
 
 
 SHARES = {  # along the command, percentage points; the total and its band
-    "X": ([0.216, 11.796, 0.526, -0.308, -0.139], 12.091, 0.013),
-    "Y": ([-0.411, 8.523, 0.731, 0.092, 0.253], 9.188, 0.127),
+    "x": ([0.216, 11.796, 0.526, -0.308, -0.139], 12.091, 0.013),
+    "y": ([-0.411, 8.523, 0.731, 0.092, 0.253], 9.188, 0.127),
     "θ": ([0.137, 9.685, -0.722, 0.051, 0.326], 9.477, 0.245),
 }
 SOLID = (
@@ -236,11 +236,11 @@ def test_numbers_have_the_digits_of_their_bands_and_three_dimensions_are_shown_w
 
 
 DISTANCE = {  # relative, of the meshes 1/2, 1/3, 1/5, 1/8
-    "X": 0.3 * np.array([2.0, 3.0, 5.0, 8.0]) ** -4,
-    "Y": 0.2 * np.array([2.0, 3.0, 5.0, 8.0]) ** -3,
+    "x": 0.3 * np.array([2.0, 3.0, 5.0, 8.0]) ** -4,
+    "y": 0.2 * np.array([2.0, 3.0, 5.0, 8.0]) ** -3,
     "θ": np.array([0.01, 0.02, 0.003, 0.007]),
 }
-SPREAD = {"X": 1.9e-4 / 0.0271, "Y": 8.3e-4 / 0.0263, "θ": 4.1e-7 / 2.57e-5}
+SPREAD = {"x": 1.9e-4 / 0.0271, "y": 8.3e-4 / 0.0263, "θ": 4.1e-7 / 2.57e-5}
 
 
 @pytest.fixture(scope="module")

@@ -169,7 +169,7 @@ def test_a_deformed_stage_has_the_displacement_and_stress_that_are_said(made):
     other = one._replace(displacement=-0.7 * one.displacement, stress=1.4 * one.stress[::-1])
     result = made.result({"a": (0.1, 0.0, 0.0), "b": (0.2, 0.1, 0.0)}, direction="y", models=models)
     figure = deformed_figure(result, {"a": one, "b": other})
-    assert "Stress in the displaced stage, Y = 50.0 µm A case $y$: finite" in " ".join(
+    assert "Stress in the displaced stage, y = 50.0 µm A case $y$: finite" in " ".join(
         made.texts(figure)
     )
     assert "displacements × 100; grey: at rest" in " ".join(made.texts(figure))
@@ -222,7 +222,7 @@ def test_every_dimension_is_on_the_drawing_beside_what_it_measures():
     stage = with_changes({"override": UNLIKE})
     plot_plate(ax, stage)
     said = texts(ax)
-    assert said.keys() - {"X", "Y", "20\xa0mm"} == {
+    assert said.keys() - {"x", "y", "20\xa0mm"} == {
         *("l1 31", "l2 33.5", "l3 25", "w 8.9", "platform R 16.3", "hub R 7.7"),
         *(
             "R 2.3, t 0.53",

@@ -122,7 +122,7 @@ def test_a_direction_that_a_mechanism_holds_has_no_panel():
         found.about, found.internal.values | {"percent": percent}, found.internal.bands, found.axes
     )
     (ax,) = mechanism_figure(held).axes
-    assert ax.get_title(loc="left").endswith("command in Y") or "command in Y" in ax.get_title()
+    assert ax.get_title(loc="left").endswith("command in y") or "command in y" in ax.get_title()
 
 
 def test_fields_of_another_run_or_edited_are_refused(stored, tmp_path, flexfem):

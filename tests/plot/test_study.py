@@ -133,7 +133,7 @@ def test_the_bar_says_what_the_colours_mean_and_where_the_contours_are() -> None
     (cells,) = [found for found in axes.collections if isinstance(found, QuadMesh)]
     low = np.nanmin(shown_map().cells.values)
     high = np.nanmax(shown_map().cells.values)
-    assert bar.get_ylabel() == "error along X (%)"
+    assert bar.get_ylabel() == "error along x (%)"
     assert bar.get_ylim() == (low, high) == (cells.norm.vmin, cells.norm.vmax)
     assert [line.get_ydata()[0] for line in bar.get_lines()] == [15.0, 25.0]
     for text in axes.texts:  # a contour's label is on its contour: the value is 10 x + y
@@ -215,7 +215,7 @@ def test_a_histogram_counts_every_design_and_has_its_percentiles_in_the_legend()
     assert "2.5 %: 39.800 N/mm (39.710 to 39.860)" in texts(
         figure
     ) and "base design: 41.012 N/mm" in texts(figure)
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("stiffness XX (N/mm)", "designs")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("stiffness xx (N/mm)", "designs")
     spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches[2:]]
     assert spans == [pytest.approx(ends) for ends in ((39.71, 39.86), (40.97, 41.02), (42.1, 42.4))]
 
@@ -267,8 +267,8 @@ def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_fac
         assert low <= 0.0 and 0.64 < high < 0.7
     assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == names
     assert [axes.get_title(loc="left") for axes in figure.axes] == [
-        "stiffness XX",
-        "range in Y at yield",
+        "stiffness xx",
+        "range in y at yield",
     ]
 
 
@@ -348,7 +348,7 @@ def test_a_map_takes_values_reasons_and_the_base_stage_from_the_table(tmp_path: 
     }
     assert shown.base == (4.0, 0.5) and shown.x.label == "radius of base hinges (mm)"
     assert (shown.y.label, shown.y.log) == ("the other necks (mm)", True)
-    assert shown.caption.title == "Stiffness XX over radius of base hinges and the other necks"
+    assert shown.caption.title == "Stiffness xx over radius of base hinges and the other necks"
     assert "stage: thickness_mm" in shown.caption.assumed
 
 
@@ -422,7 +422,7 @@ def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
         (
             "stiffness.stress.analytic.upper_guide.y",
             True,
-            "highest hinge stress per displacement in Y, other directions held, hinge upper "
+            "highest hinge stress per displacement in y, other directions held, hinge upper "
             "guide (MPa/µm)",
         ),
         ("modes.frequency.2.analytic", True, "natural frequency, mode 2 (Hz)"),

@@ -193,7 +193,7 @@ def test_the_figure_has_the_numbers_of_every_case_and_says_where_it_is_warmer(fo
     figure = drift_figure(found)
     for bar, said in zip(
         figure.axes[3:],
-        ("θ 5.506 µrad", "X −22.61 µm, Y 2.978", "X −2.978 µm, Y −22.61"),
+        ("θ 5.506 µrad", "x −22.61 µm, y 2.978", "x −2.978 µm, y −22.61"),
         strict=True,
     ):
         assert said in bar.get_xlabel()

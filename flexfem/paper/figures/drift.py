@@ -41,8 +41,8 @@ class Heating(NamedTuple):
 
 HEATINGS = {
     "uniform": Heating("1 K everywhere", "K"),
-    "gradient in x": Heating("1 K/mm along X", "K/mm", (0.1, 0.0)),
-    "gradient in y": Heating("1 K/mm along Y", "K/mm", (0.0, 0.1)),
+    "gradient in x": Heating("1 K/mm along x", "K/mm", (0.1, 0.0)),
+    "gradient in y": Heating("1 K/mm along y", "K/mm", (0.0, 0.1)),
 }
 
 

@@ -115,12 +115,7 @@ def title_of(found: NaturalModes, number: int) -> str:
     value, band = (
         float(values[number - 1, -1]) for values in (found.frequency, found.band("frequency"))
     )
-    direction = (
-        found.axes["base"][largest]
-        .replace("theta", NAMES["theta"])
-        .replace("x", "X")
-        .replace("y", "Y")
-    )
+    direction = found.axes["base"][largest].replace("theta", NAMES["theta"])
     mode = f"mode {found.axes['mode'][number - 1]}: {digits(value, band)} {UNITS['hz']}"
     return f"{mode}\neffective mass {share[largest]:.2g} % in {direction}"
 

@@ -51,8 +51,8 @@ def plot_section(ax: Axes, found: StageReach) -> Axes:
     section = found.fields.section
     x, y = (unit.factor * found.rest[:2]).tolist()
     ax.set(
-        xlabel=f"X ({unit})",
-        ylabel=f"Y ({unit})",
+        xlabel=f"x ({unit})",
+        ylabel=f"y ({unit})",
         aspect="equal",
     )
     ax.grid()
