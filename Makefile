@@ -103,7 +103,7 @@ $(SETUP): pyproject.toml
 	@echo "installing flexfem and what it needs into .venv (a minute or two)"
 	@$(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast]'
-	@$(BIN)/python -c "from flexfem.fem.mesher import require_gmsh; require_gmsh()"
+	@$(BIN)/python -c "from flexfem.meshing.session import require_gmsh; require_gmsh()"
 	@touch $@
 
 $(TEST_SETUP): $(SETUP)

@@ -23,10 +23,10 @@ from random_stages import dimensions, scattered
 
 from flexfem.arrays import Array
 from flexfem.design.proof import CORNER_COLUMNS, column_band
-from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
 from flexfem.mechanism.expansion import expansion_of
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.meshing.process import Limit
 from flexfem.paper.commanding import element_ranges
 from flexfem.paper.outputs import values_of
 from flexfem.paper.responses import rates_of

@@ -24,6 +24,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("results",),
     ("mechanism",),
     ("hinges",),
+    ("meshing",),
     ("analytic", "fem"),
     ("cad",),
     ("importing",),
@@ -239,13 +240,13 @@ def test_reach_goes_through_other_modules():
     assert "flexfem.study.answer" in reached("flexfem.study.run")
 
 
-def test_only_the_mesher_imports_gmsh():
+def test_only_the_session_imports_gmsh():
     users = [
         module.name
         for module in MODULES
         if any(name.split(".")[0] == "gmsh" for name in imports(module))
     ]
-    assert users == ["mesher.py"]
+    assert users == ["session.py"]
 
 
 HEAVIEST = {"ezdxf", "gmsh", "matplotlib", "meshio", "pyarrow"}

@@ -171,7 +171,7 @@ def test_the_image_and_the_workflow_install_what_gmsh_needs():
     """The image by itself, the workflow through `.ci/run`: every Debian package that is named when
     one is missing.
     """
-    from flexfem.fem.mesher import LIBRARIES
+    from flexfem.meshing.session import LIBRARIES
 
     for name in ("Dockerfile", ".ci/run"):
         assert set(LIBRARIES.values()) <= set((ROOT / name).read_text().split()), name

@@ -16,7 +16,7 @@ from contextlib import nullcontext
 import pytest
 
 from flexfem import terminal
-from flexfem.fem.mesher import Limit
+from flexfem.meshing.process import Limit
 from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command
 from flexfem.terminal import Plain, showing_progress
@@ -100,7 +100,7 @@ def test_children_import_nothing_from_the_current_folder(tmp_path, monkeypatch):
         (tmp_path / f"{name}.py").write_text("raise SystemExit(77)")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend("")
-    child = subprocess.run(child_command("flexfem.fem.mesher"), input=b".", capture_output=True)
+    child = subprocess.run(child_command("flexfem.meshing.serve"), input=b".", capture_output=True)
     assert child.returncode == 1 and b"pickle" in child.stderr  # of the job, after all imports
 
 
@@ -168,7 +168,7 @@ def test_a_reader_that_has_seen_enough_is_no_failed_check(arguments):
 
 def test_a_stop_adds_a_second_at_most(monkeypatch):
     now = iter([100.0, 100.25, 175.5])
-    monkeypatch.setattr("flexfem.fem.mesher.time.monotonic", lambda: next(now))
+    monkeypatch.setattr("flexfem.meshing.process.time.monotonic", lambda: next(now))
     limit = Limit(9.0)
     limit.start()
     limit.update()

@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from flexfem.fem.mesher import PlateSolid, run_mesher
 from flexfem.fem.plate_mesh import regions_of
 from flexfem.files.writing import replacing
 from flexfem.mechanism.contours import Part
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.outlines import Segment, area
+from flexfem.meshing.process import run_mesher
+from flexfem.meshing.requests import PlateSolid
 from flexfem.refused import ComputationFailed
 
 TIME_LIMIT = 120.0  # s, for gmsh

@@ -14,7 +14,7 @@ from flexfem.arrays import Array, Index, rotation, short_repr, turned
 from flexfem.refused import ComputationFailed
 
 if TYPE_CHECKING:
-    from flexfem.fem.mesher import NamedArrays
+    from flexfem.meshing.requests import NamedArrays
 
 RESOLUTION = 8  # triangles across every neck
 SOLID_RESOLUTION = 6
@@ -345,7 +345,7 @@ def _numbered_nodes(parts: list[PlaneMesh]) -> tuple[Index, list[Index]]:
 
 
 def mesh_of(arrays: NamedArrays) -> PlaneMesh:
-    """Return the mesh in arrays of the mesher."""
+    """Return the mesh in arrays, as `meshing` returns it."""
     labels = arrays["edge_labels"]
     edges = {str(label): arrays["edges"][labels == label] for label in np.unique(labels)}
     return PlaneMesh(arrays["nodes"], arrays["triangles"], arrays["regions"], edges)

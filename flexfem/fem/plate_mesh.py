@@ -1,4 +1,4 @@
-"""Mesh and contours of any plate mechanism, by OpenCASCADE in the process of `mesher`.
+"""Mesh and contours of any plate mechanism, by OpenCASCADE in the process of `meshing`.
 
 Triangles are as small as `Profile.sizes` asks in a hinge and grow from there at the rate of `sizes`
 up to a size that follows the width of each body.
@@ -23,15 +23,6 @@ from flexfem.fem.mesh import (
     mesh_of,
     ordered,
 )
-from flexfem.fem.mesher import (
-    Line,
-    MeshTimeout,
-    NamedArrays,
-    PlateContours,
-    PlateMesh,
-    Region,
-    run_mesher,
-)
 from flexfem.fem.plate_symmetry import divided, symmetry_of
 from flexfem.fem.refinement import refinements
 from flexfem.fem.sizes import COARSEST, TIME_LIMIT, first_good, smaller_at
@@ -40,6 +31,8 @@ from flexfem.mechanism.layout import Joint, Layout, Move
 from flexfem.mechanism.outlines import Segment, circle_of, reverse
 from flexfem.mechanism.plate import components, mean_width
 from flexfem.mechanism.plate_checks import check_layout, triangles_needed
+from flexfem.meshing.process import MeshTimeout, run_mesher
+from flexfem.meshing.requests import Line, NamedArrays, PlateContours, PlateMesh, Region
 from flexfem.refused import ComputationFailed
 
 PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs

@@ -10,12 +10,12 @@ import numpy as np
 import shapely
 
 from flexfem.arrays import AnyArray
-from flexfem.fem.mesher import DIVIDING, Line, Region
 from flexfem.mechanism.hinge_place import ALONG, joint_polygon
 from flexfem.mechanism.layout import Body, Joint, Layout, Move
 from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
 from flexfem.mechanism.plate import body_polygon
 from flexfem.mechanism.plate_checks import TOUCHING
+from flexfem.meshing.requests import DIVIDING, Line, Region
 
 SAME_HEIGHT = 1e-9  # relative difference of the heights of a hinge at both sides of its centre
 DECIMALS = 9  # of coordinates, mm, of parts that are equal

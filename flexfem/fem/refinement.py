@@ -11,12 +11,12 @@ import numpy as np
 import shapely
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.mesher import Grading
 from flexfem.fem.sizes import GROWTH, PER_TURN
 from flexfem.mechanism.hinge_place import end_corners, end_lines
 from flexfem.mechanism.layout import Body, Joint, Layout, Move
 from flexfem.mechanism.outlines import SHORTEST, polygon_points
 from flexfem.mechanism.plate import mean_width
+from flexfem.meshing.requests import Grading
 
 CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an elastic body
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner

@@ -8,8 +8,8 @@ from typing import TypeVar
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.mesher import Grading
 from flexfem.mechanism.layout import Move
+from flexfem.meshing.requests import Grading
 from flexfem.refused import ComputationFailed
 
 TIME_LIMIT = 60.0  # s, for meshing a plate without what its number of triangles adds

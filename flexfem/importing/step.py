@@ -6,10 +6,12 @@ from collections import Counter
 from itertools import groupby
 from pathlib import Path
 
-from flexfem.fem.mesher import SECTION_ERROR, FoundSection, MeshTimeout, SolidSection, run_mesher
 from flexfem.importing.curves import Contents, DrawnCurve
 from flexfem.importing.limit import TIME_LIMIT
 from flexfem.importing.units import DrawingUnit
+from flexfem.meshing.process import MeshTimeout, run_mesher
+from flexfem.meshing.requests import FoundSection, SolidSection
+from flexfem.meshing.solids import SECTION_ERROR
 from flexfem.refused import BadInput, ComputationFailed, line_of, printed
 
 LARGEST_FILE = 50_000_000  # bytes

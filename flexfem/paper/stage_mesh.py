@@ -27,13 +27,14 @@ from flexfem.fem.mesh import (
     nodes_on,
     welded,
 )
-from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_mesher
 from flexfem.fem.ports import layers_of_layout
 from flexfem.fem.sizes import COARSEST, GROWTH, PER_TURN, TIME_LIMIT, first_good, smaller_at
 from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import Face, area
+from flexfem.meshing.process import Limit, run_mesher
+from flexfem.meshing.requests import FaceMesh, Grading, NamedArrays
 from flexfem.paper.actuators import HINGE_NAMES
 from flexfem.paper.bodies import draw_sector, necks
 from flexfem.paper.frames import CHAIN_TURN
@@ -188,7 +189,7 @@ def _refinement_points(
 
 
 def _sector(job: FaceMesh, arrays: NamedArrays) -> Sector:
-    """Return a sector in arrays of the mesher. Raises ComputationFailed as `check_triangles`."""
+    """Return a sector in arrays of `meshing`. Raises ComputationFailed as `check_triangles`."""
     mesh = mesh_of(arrays)
     check_triangles(mesh, sum(area(face.loop) for face in job.faces))
     hub = nodes_on(mesh, "hub")

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.fem.modes import modes
 from flexfem.fem.response import Response, heat_response, unit_response
 from flexfem.files.provenance import Assumptions
@@ -18,6 +17,7 @@ from flexfem.hinges.strength import required_law
 from flexfem.mechanism.keys import LIFE_CONSTANTS, keys
 from flexfem.mechanism.layout import Payload
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.meshing.process import Limit, MeshTimeout
 from flexfem.paper import fields
 from flexfem.paper import warnings as warning
 from flexfem.paper.batch import (

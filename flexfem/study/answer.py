@@ -9,8 +9,8 @@ from itertools import compress, pairwise
 import numpy as np
 
 from flexfem.arrays import ROUND_OFF, Array, Index
-from flexfem.fem.mesher import MeshTimeout
 from flexfem.files.toml import bad_key
+from flexfem.meshing.process import MeshTimeout
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.batch import Batch
 from flexfem.study.columns import Rows, row_of, sizes_of

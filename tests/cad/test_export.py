@@ -23,9 +23,9 @@ from scipy.interpolate import PchipInterpolator
 
 import flexfem
 from flexfem.cad import step
-from flexfem.fem.mesher import gmsh_session
 from flexfem.fem.plate_mesh import plate_contours
 from flexfem.mechanism.outlines import area
+from flexfem.meshing.session import gmsh_session
 from flexfem.paper.bodies import draw_sector
 from flexfem.refused import BadInput, ComputationFailed
 

@@ -16,12 +16,13 @@ from scipy.spatial import KDTree
 
 import flexfem.fem.mesh
 from flexfem.arrays import turned
-from flexfem.fem import mesher
 from flexfem.fem.mesh import PlaneMesh, check_triangles, jacobians, scaled_jacobians
-from flexfem.fem.mesher import FaceMesh, run_mesher
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import area
 from flexfem.mechanism.plate import plate_polygon
+from flexfem.meshing import process
+from flexfem.meshing.process import end_processes, run_mesher
+from flexfem.meshing.requests import FaceMesh
 from flexfem.paper.bodies import BODIES, draw_sector
 from flexfem.paper.designs import stage_frames
 from flexfem.paper.frames import CHAIN_TURN
@@ -165,16 +166,18 @@ def test_a_child_that_dies_is_one_line():
 def test_one_process_meshes_stage_after_stage_until_one_fails(alike, monkeypatch):
     started: list[Any] = []
     monkeypatch.setattr(
-        mesher, "Popen", lambda *args, **named: started.append(Popen(*args, **named)) or started[-1]
+        process,
+        "Popen",
+        lambda *args, **named: started.append(Popen(*args, **named)) or started[-1],
     )
-    mesher.end_processes()
+    end_processes()
     first = build_mesh(alike.stage, 2)
     second = build_mesh(alike.stage, 3)
     assert len(started) == 1 and len(second.triangles) > len(first.triangles)
     with pytest.raises(ComputationFailed):
         run_mesher(FaceMesh([Trap(os.abort)], {}, []), 20.0)
     assert np.array_equal(build_mesh(alike.stage, 2).nodes, first.nodes) and len(started) == 2
-    monkeypatch.setattr(mesher, "MOST_KEPT", 1000)  # bytes; large meshes leave no process behind
+    monkeypatch.setattr(process, "MOST_KEPT", 1000)  # bytes; large meshes leave no process behind
     build_mesh(alike.stage, 2)
     assert all(each.poll() is not None for each in started)
 

@@ -9,9 +9,10 @@ import pytest
 
 import flexfem.paper.stage_mesh
 from flexfem.fem.mesh import jacobians, scaled_jacobians
-from flexfem.fem.mesher import end_processes, mesh_faces, run_mesher
 from flexfem.fem.response import unit_response
 from flexfem.mechanism.outlines import Face
+from flexfem.meshing.faces import mesh_faces
+from flexfem.meshing.process import end_processes, run_mesher
 from flexfem.paper.stage import load_stage
 from flexfem.paper.stage_mesh import mesh_sectors, plate_of, sector_drawing
 from flexfem.questions.bands import grid_convergence

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from flexfem.fem.mesher import PlateContours, run_mesher
 from flexfem.fem.plate_mesh import plate_contours, regions_of
 from flexfem.importing.found import Drawing, FoundBody, FoundHinge, FoundPlate
 from flexfem.mechanism import profiles
 from flexfem.mechanism.outlines import area
+from flexfem.meshing.process import run_mesher
+from flexfem.meshing.requests import PlateContours
 
 TIME = 60.0  # s, for gmsh
 

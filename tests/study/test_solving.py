@@ -12,8 +12,9 @@ import pytest
 
 import flexfem.paper.stage_mesh
 from flexfem.arrays import Array
-from flexfem.fem.mesher import MeshTimeout, mesh_faces
 from flexfem.fem.response import unit_response
+from flexfem.meshing.faces import mesh_faces
+from flexfem.meshing.process import MeshTimeout
 from flexfem.paper.fields import base_rotations, neck_maxima, neck_stresses, plane_stress
 from flexfem.paper.model import analyse
 from flexfem.paper.solutions import solve_solid

@@ -14,9 +14,9 @@ from scipy.sparse.linalg import spsolve
 from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, Plate, layered, mirrored, nodal_stress
 from flexfem.fem.mesh import PlaneMesh, mapped, nodes_on
-from flexfem.fem.mesher import Grading
 from flexfem.fem.structure import NONE, Structure, mass_of, structure
 from flexfem.mechanism.outlines import Face, Segment
+from flexfem.meshing.requests import Grading
 
 from .fields import FieldErrors, Function, clamp, meshed, on_chords, size_of, solve
 from .problem import ORDER_ALLOWED, ROUND_OFF, Exact, Finding, hooke, order, problem, rectangle

@@ -11,9 +11,10 @@ from benchmarks.hinge_charts import supported
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate, integration, segment_functions, stress_tensor
 from flexfem.fem.mesh import PlaneMesh, mesh_of, ordered
-from flexfem.fem.mesher import FaceMesh, Grading, run_mesher
 from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.outlines import Face
+from flexfem.meshing.process import run_mesher
+from flexfem.meshing.requests import FaceMesh, Grading
 
 DEGREE = (
     8  # polynomial degree of the quadrature of loads and errors: far above that of the solution

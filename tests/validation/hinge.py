@@ -20,11 +20,11 @@ from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, mirrored
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import PlaneMesh
-from flexfem.fem.mesher import Grading
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import structure
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.outlines import Face, Segment
+from flexfem.meshing.requests import Grading
 from flexfem.paper.stage_mesh import grading, notch_sizes
 
 from ..tolerances import SOLVED

@@ -11,8 +11,8 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import PlaneMesh, mapped, nodes_on
-from flexfem.fem.mesher import Grading
 from flexfem.mechanism.outlines import Face, Segment
+from flexfem.meshing.requests import Grading
 
 from .fields import clamp, edge_force, meshed, nearest_node, on_chords, pressure, solve, uniform
 from .problem import (

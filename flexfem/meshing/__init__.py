@@ -1,0 +1,1 @@
+"""gmsh in processes of its own: triangles, contours and solids of plates."""
