@@ -163,6 +163,14 @@ def without_unit(name: str) -> str:
     return ENDING.sub(r"\2", name)
 
 
+def in_words(name: str) -> str:
+    """Return the words of a key or field without its unit: "Young's modulus" of
+    `youngs_modulus_gpa`.
+    """
+    words = without_unit(name).replace("_", " ")
+    return re.sub(r"\b(young|poisson)s\b", lambda found: f"{found[1].title()}'s", words)
+
+
 def unit_for(freedom: Direction, largest: float) -> Unit:
     """Return the prefixed unit in which `largest` (mm for x and y, rad for theta) reads between 1
     and 1000.

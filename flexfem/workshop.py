@@ -24,6 +24,7 @@ from flexfem.mechanism.mechanism import Mechanism, of_stage
 from flexfem.mechanism.plate import clashes
 from flexfem.mechanism.unfinished import Unfinished
 from flexfem.refused import BadInput
+from flexfem.results.records import record_parts
 from flexfem.sources import PACKAGE, read_data
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from flexfem.plot.plate import Recognised
+    from flexfem.results import TextTable
 
 UM = 1e-3  # mm
 MPA_PER_GPA = 1e3
@@ -394,15 +396,16 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
 
 
 class StackEntry(NamedTuple):
-    """A stack of the catalogue at its highest voltage."""
+    """A stack of the catalogue at its highest voltage, with its overall length and its mass."""
 
     name: str
-    maker: str
     stroke_um: float
     tolerance_um: float
     stiffness_n_per_um: float
     blocking_force_n: float
     voltage_v: float
+    length_mm: float
+    mass: str
 
 
 class MaterialEntry(NamedTuple):
@@ -436,12 +439,26 @@ class Catalogue(NamedTuple):
     hinge_shapes: list[ShapeEntry]
     sources: dict[str, str]
 
+    def heading(self) -> str:
+        """Return what the tables are."""
+        return "stacks, materials and hinge shapes that a mechanism file may name"
+
+    def tables(self) -> list[TextTable]:
+        """Return the tables of stacks, materials and shapes."""
+        return record_parts(self._replace(sources={}))[1]
+
+    def sentences(self) -> list[str]:
+        """Return the sources; stacks and materials with the same one share a line."""
+        facts, _ = record_parts(self._replace(stacks=[], materials=[], hinge_shapes=[]))
+        return ["sources:", *(f"{names}: {source}" for names, source in facts)]
+
 
 def catalogue() -> Catalogue:
     """List the stacks, the materials and the shapes of hinges that files may name.
 
-    Stacks have their stroke, stiffness and blocking force at the highest voltage; their length and
-    mass are not in the table that is their source. Lives need a material with fatigue constants.
+    Stacks have their stroke, stiffness and blocking force at the highest voltage. No source states
+    their mass, and no answer uses it or their length. `life` needs a material with fatigue
+    constants.
     """
     from flexfem.mechanism.actuators import catalogue as stacks_by_name
     from flexfem.mechanism.materials import REGISTERED, materials
@@ -449,7 +466,9 @@ def catalogue() -> Catalogue:
     stacks = stacks_by_name()
     known = materials()
     sources = {name: stack.source for name, stack in stacks.items()}
-    sources |= {name: REGISTERED[name].source for name in known}
+    for name in known:
+        entry = REGISTERED[name]
+        sources[name] = "; ".join(dict.fromkeys([entry.source, *entry.sources.values()]))
     return Catalogue(
         [_stack_entry(stack) for stack in stacks.values()],
         [_material_entry(material) for material in known.values()],
@@ -461,12 +480,13 @@ def catalogue() -> Catalogue:
 def _stack_entry(stack: Any) -> StackEntry:
     return StackEntry(
         stack.name,
-        stack.maker,
         float(f"{stack.stroke / UM:.6g}"),
         float(f"{stack.tolerance / UM:.6g}"),
         float(f"{UM * stack.blocking_force / stack.stroke:.4g}"),
         stack.blocking_force,
         stack.voltage,
+        stack.length,
+        "not stated",
     )
 
 

@@ -186,12 +186,15 @@ def test_the_catalogue_lists_stacks_materials_and_shapes_with_their_keys(flexfem
     )
     materials = {each["name"]: each for each in found["materials"]}
     assert materials["al-2024-t4"]["fatigue_strength_exponent"] == -0.102
-    assert materials["al-7075-t6"]["fatigue_strength_coefficient_mpa"] is None
+    assert materials["al-6061-t6"]["fatigue_strength_coefficient_mpa"] is None
+    assert (stacks["AE0505D16"]["length_mm"], stacks["AE0505D16"]["mass"]) == (20, "not stated")
     shapes = {each["shape"]: each["keys"] for each in found["hinge_shapes"]}
     assert shapes["circular"] == "neck_mm, radius_mm" and set(shapes) == set(SHAPES)
     assert set(found["sources"]) == {*stacks, *materials}
-    tables = [line for line in flexfem("catalogue")[1].splitlines() if "   " in line]
-    assert max(map(len, tables)) <= 80
+    printed = flexfem("catalogue")[1]
+    tables, sources = printed.split("\nsources:\n")
+    assert max(map(len, tables.splitlines())) <= 80 and "Young's" in tables
+    assert sources.startswith("AE0203D04, AE0203D08, ") and "\nal-7075-t6: typical, ASM" in sources
 
 
 @pytest.mark.parametrize(

@@ -173,7 +173,15 @@ def _materials() -> str:
 
 
 def _stacks() -> str:
-    head = ("`stack`", "maker", "stroke, µm", "blocking force, N", "stiffness, N/µm", "at, V")
+    head = (
+        "`stack`",
+        "maker",
+        "stroke, µm",
+        "blocking force, N",
+        "stiffness, N/µm",
+        "at, V",
+        "length, mm",
+    )
     rows = [
         (
             f"`{name}`",
@@ -182,10 +190,14 @@ def _stacks() -> str:
             f"{one.blocking_force:g}",
             f"{one.blocking_force / one.stroke / 1e3:.3g}",
             f"{one.voltage:g}",
+            f"{one.length:g}",
         )
         for name, one in catalogue().items()
     ]
-    return "## Catalogue of stacks\n\n" + markdown_table(head, rows, "llrrrr")
+    (source,) = {one.source for one in catalogue().values()}
+    about = f"Their mass is not stated by the sources, which are: {source}."
+    table = markdown_table(head, rows, "llrrrrr")
+    return "\n\n".join(["## Catalogue of stacks", about, table])
 
 
 def _outputs() -> str:

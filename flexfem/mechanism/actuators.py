@@ -38,7 +38,7 @@ class StackRating(NamedTuple):
 
 class CataloguedStack(Table):
     """A stack of the shipped catalogue: stroke, its tolerance, mm, and blocking force, N, at the
-    highest voltage, V.
+    highest voltage, V; overall length, mm.
     """
 
     name: str
@@ -47,6 +47,7 @@ class CataloguedStack(Table):
     stroke: quantities.Stroke = Field(alias="stroke_um")
     tolerance: quantities.Stroke = Field(alias="tolerance_um")
     blocking_force: quantities.Force = Field(alias="blocking_force_n")
+    length: quantities.Length = Field(alias="length_mm")
     source: str
 
 

@@ -31,6 +31,8 @@ from flexfem.mechanism.materials import Material, sources_of, with_changes, with
 from flexfem.refused import BadInput
 
 NOT_PHYSICAL = {"name", "units", "provenance", "frame"}  # keys that no hash depends on
+# numbers that a registered material got later; without them hashes are those of older files
+LATER = {"al-7075-t6": {"fatigue_strength_coefficient", "fatigue_strength_exponent"}}
 REPLACED = "replaced in Python"  # source of a number that a copy changes
 
 
@@ -282,7 +284,7 @@ def _sources_of_parts(data: dict[str, Any]) -> dict[str, str]:
 def _without_names_of_materials(content: Any) -> Any:
     """Return a content whose materials, those of parts, too, are without what no hash depends on.
 
-    It is their names, their expansions and numbers that are not stated.
+    It is their names, their expansions, numbers that are not stated and those of `LATER`.
     """
     if isinstance(content, list | tuple):
         return [_without_names_of_materials(each) for each in content]
@@ -291,10 +293,11 @@ def _without_names_of_materials(content: Any) -> Any:
     found = {key: _without_names_of_materials(value) for key, value in content.items()}
     material = found.get("material")
     if isinstance(material, dict):
+        left_out = {"name", "expansion", *LATER.get(material["name"], ())}
         found["material"] = {
             key: value
             for key, value in material.items()
-            if key not in ("name", "expansion") and value is not None
+            if key not in left_out and value is not None
         }
     return found
 

@@ -8,7 +8,7 @@ from textwrap import shorten
 from typing import Any
 
 from flexfem.results.render import TextTable
-from flexfem.units import short, unit_of, without_unit
+from flexfem.units import in_words, short, unit_of, without_unit
 
 LONG = 40  # characters of a list item that has a line of its own
 MOST_COLUMNS = 8  # of a table of records; a wider one has a column for each record
@@ -31,7 +31,7 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
     facts = list[tuple[str, str]]()
     tables = list[TextTable]()
     for name, value in record._asdict().items():
-        title = without_unit(name).replace("_", " ")
+        title = in_words(name)
         if name in NOT_SHOWN or value in (None, "", [], {}, False):
             continue
         if hasattr(value, "_fields"):
@@ -85,7 +85,7 @@ def _table_of_records(
     head = list[str]()
     for name in records[0]._fields:
         unit = unit_of(name).label(plain)
-        text = without_unit(name).replace("_", " ")
+        text = in_words(name)
         head.append(f"{text} ({unit})" if unit else text)
     rows = [["" if part is None else _text(part) for part in one] for one in records]
     if len(head) > MOST_COLUMNS:
@@ -105,8 +105,7 @@ def _text(
     if isinstance(value, dict):
         stated = {key: each for key, each in value.items() if each is not None}
         texts = (
-            f"{without_unit(key).replace('_', ' ')} {_text(each, unit_of(key).plain)}"
-            for key, each in stated.items()
+            f"{in_words(key)} {_text(each, unit_of(key).plain)}" for key, each in stated.items()
         )
         return "; ".join(texts)
     if isinstance(value, list | tuple) and not isinstance(value, Ends):
