@@ -82,15 +82,44 @@ def _check_contacts(
             if _touches_side(bodies[i], other, outlines[j], touching):
                 raise BadInput(
                     f"{key_of_part(other)}: touches {one.name} along its side, expected a higher "
-                    "cut"
+                    "cut_mm"
                 )
             continue
+        reach = shapely.buffer(outlines[i], touching)
+        beside = _beside_hinge(layout, {i, j}, shapely.intersection(reach, outlines[j]))
+        if beside is not None:
+            raise BadInput(beside)
         shared = common_area(outlines[i], outlines[j])
         how = f"touches {other.name}"
         if shared > SLIVER:
             how = f"overlaps {other.name} by {shared:.3g} mm^2"
         expected = "expected parts that only hinges connect"
         raise BadInput(f"{key_of_part(one)}: {how}, {expected}")
+
+
+def _beside_hinge(
+    layout: Layout,
+    bodies: set[int],
+    contact: Any,
+) -> str | None:
+    """Return a refusal of two bodies whose contact is what the cut of their hinge leaves beside it.
+
+    None is returned for every other contact.
+    """
+    points = shapely.get_coordinates(contact) @ [1, 1j]
+    for joint in layout.joints:
+        if not joint.cut or bodies != set(joint.bodies):
+            continue
+        local = (points - joint.place) * np.exp(-1j * joint.heading)
+        if np.max(np.abs(local.real), initial=0) > joint.profile.length / 2:
+            continue
+        first, second = (layout.bodies[body].name for body in joint.bodies)
+        needed = 2 * np.max(np.abs(local.imag), initial=0) * (1 + OVERSHOOT)
+        return (
+            f"{key_of_part(joint)}: leaves {first} and {second} connected beside it, as its cut_mm is "
+            f"{joint.cut:.4g}, expected {needed:.3g} or more"
+        )
+    return None
 
 
 def _touches_side(

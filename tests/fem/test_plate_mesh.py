@@ -272,7 +272,12 @@ THIRD = Body("third", box(33, 0, 40, 3), key="body[2]")
             LEAF,
             r"hinge\[0\]: is 1.4 mm high at ground",
         ),
-        ([AROUND, STAGE._replace(outline=box(19, -5, 33, 5))], LEAF, r"body\[0\]: touches stage"),
+        (
+            [AROUND, STAGE._replace(outline=box(19, -5, 33, 5))],
+            LEAF,
+            r"hinge\[0\]: leaves ground and stage connected beside it, as its cut_mm is 3(?=, "
+            "expected 10.2 or more)",
+        ),
         ([AROUND, STAGE], LEAF._replace(cut=0.4, profile=Leaf(0.4, 10)), "along its side"),
         ([GROUND._replace(fixed=False), STAGE], LEAF, "no body is fixed"),
         (
