@@ -17,6 +17,7 @@ PLANES = {  # reductions of a stage to a plane problem
     "corrected": "corrected for thickness",
     "three_dimensional": "three dimensions",
 }
+COMPUTED_IN = PLANES | {"corrected": "plane stress, corrected for thickness"}  # of headings
 PREFIXES = {
     -18: "a",
     -15: "f",

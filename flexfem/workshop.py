@@ -72,7 +72,7 @@ class _Template(NamedTuple):
 def new_stage(
     file: Path, *, kind: str | None = None, case: bool = False, study: bool = False
 ) -> NewFiles:
-    """Write a commented template of a stage or mechanism file.
+    """Write a commented file of one of eight mechanisms, or of the paper's stage.
 
     Parameters
     ----------
@@ -80,8 +80,8 @@ def new_stage(
         File to write, .toml; must not exist yet.
     kind : str, optional
         Kind of mechanism: parallelogram, double-parallelogram, pivot, lever-amplifier,
-        bridge-amplifier, rhombic-amplifier, xy-stage or four-chains. By default the stage with
-        three chains and nine hinges.
+        bridge-amplifier, rhombic-amplifier, xy-stage or four-chains. By default the stage of the
+        paper, with three chains and nine hinges.
     case : bool
         Also write a case of this stage, FILE-case.toml, for verify.
     study : bool
@@ -148,7 +148,7 @@ def view(
     output: Path | None = None,
     reading: Reading = NO_READING,
 ) -> View:
-    """Draw a mechanism, or a stage with its dimensions, in a window if possible.
+    """Draw a mechanism, of a stage with its dimensions, in a window if possible.
 
     Of an unfinished mechanism file it draws what there is, and names what is missing. Of a drawing
     it shows the bodies and hinges that were recognised over the drawing, and in red thin parts that
@@ -157,7 +157,7 @@ def view(
     Parameters
     ----------
     file : path
-        Stage or mechanism file, or a drawing.
+        Mechanism or stage file, or a drawing.
     output : path, optional
         Folder of the picture, or its file, .png, .pdf or .svg; default: a window if there is a
         display, otherwise the current folder.
@@ -168,7 +168,7 @@ def view(
     ------
     BadInput
         The file cannot be read, has no body that can be drawn, or is an invalid stage file; the
-        folder is not writable; or the parts of the stage or mechanism do not fit together. In the
+        folder is not writable; or the parts of the mechanism do not fit together. In the
         last case it is drawn, with the parts at fault in red, before the error is raised.
     """
     from flexfem.plot.drawing import show_window
@@ -305,9 +305,9 @@ def mesh(
     *,
     resolution: int | None = None,
 ) -> MeshReport:
-    """Mesh a stage or a mechanism and write it with groups.
+    """Mesh a mechanism and write the mesh with named groups.
 
-    The groups are stage, ground and hub, or bodies, hinges and clamped edges.
+    The groups are bodies, hinges and clamped edges; of a stage: stage, ground and hub.
 
     Parameters
     ----------
@@ -319,7 +319,7 @@ def mesh(
     Raises
     ------
     BadInput
-        The stage or mechanism cannot be made or is not plane, or the file cannot be written.
+        The mechanism cannot be made or is not plane, or the file cannot be written.
     """
     from flexfem.fem.export import check_format
     from flexfem.fem.mesh import RESOLUTION

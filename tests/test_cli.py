@@ -170,6 +170,9 @@ def test_matrices_and_other_details_are_printed_with_all_only(flexfem):
     code, brief, _ = flexfem(*asked)
     assert code == 0 and "\nstiffness, other directions free:" in brief
     assert "\ncompliance (" not in brief and "--all also shows: stiffness; compliance;" in brief
+    assert (
+        brief.count("\nother directions (others): the two directions along which the output") == 1
+    )
     assert brief.startswith("stiffness, other directions free (analytic): x ")
     whole = flexfem(*asked, "--all")[1]
     assert "\ncompliance (" in whole and "--all" not in whole
@@ -503,7 +506,7 @@ def test_a_file_that_does_not_exist_is_refused_with_the_nearest_name(flexfem, gi
 
 
 KINDS = {
-    "geometry/mobility6.toml": ("stage file", "stage or mechanism file", ["check"]),
+    "geometry/mobility6.toml": ("stage file", "mechanism or stage file", ["check"]),
     "cases/fig5.toml": ("case file", "case file", ["verify"]),
     "cases/study-reach.toml": ("study file", "study file", ["study", "status"]),
 }

@@ -58,7 +58,7 @@ class PartReport(NamedTuple):
 def export(
     mechanism: Mechanism, output: Path, *, kerf: float | None = None, holes: float | None = None
 ) -> PartReport:
-    """Write a stage or a mechanism as a drawing or a solid for the workshop, in mm.
+    """Write a mechanism as a drawing or a solid for the workshop, in mm.
 
     Parameters
     ----------

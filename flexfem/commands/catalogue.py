@@ -16,18 +16,20 @@ class Listed(NamedTuple):
 
 
 START = {
-    "new": Listed("new_stage", "Write a commented template of a stage or mechanism file."),
+    "new": Listed("new_stage", "Write a commented file of a mechanism, or of the paper's stage."),
     "import": Listed("import_drawing", "Recognise bodies and hinges in a drawing."),
     "check": Listed("check", "Validate a file; show its parts and the sources of its numbers."),
-    "view": Listed("view", "Draw a stage, a mechanism or what is recognised in a drawing."),
+    "view": Listed("view", "Draw a mechanism, or what is recognised in a drawing."),
     "live": Listed("serve", "Serve a page that answers while numbers are changed."),
-    "catalogue": Listed("catalogue", "List stacks, materials and shapes of hinges by name."),
-    "summary": Listed("summary", "Stiffness, range and force at yield, and range of the drive."),
+    "catalogue": Listed(
+        "catalogue", "List the stacks, materials and hinge shapes that files may name."
+    ),
+    "summary": Listed("summary", "Stiffness, range, motion by the actuators and first frequency."),
 }
 STIFFNESS = {
     "stiffness": Listed("stiffness", "Stiffness, stress, range, and response to a load."),
     "forces": Listed("forces", "Forces through hinges and sections, and highest strains."),
-    "buckling": Listed("buckling", "Load factors at which a stage or mechanism buckles."),
+    "buckling": Listed("buckling", "Load factors at which a mechanism buckles."),
     "formulas": Listed("hinge_formulas", "Hinge formulas with source, freedoms and range."),
 }
 COMPARE = {
@@ -39,9 +41,9 @@ COMPARE = {
     "converge": Listed("converge", "Mesh convergence: observed order, extrapolated value, band."),
 }
 DRIVE = {
-    "drive": Listed("drive", "Strokes and forces for a pose, or motion by the actuators."),
+    "drive": Listed("drive", "Motion by the actuators; of a stage, strokes and forces for a pose."),
     "reach": Listed("reach", "Poses that the drive reaches within all limits."),
-    "large": Listed("large", "Tangent stiffness and linear error at large displacements."),
+    "large": Listed("large", "Motion, force and stiffness at large displacements."),
 }
 EFFECTS = {
     "modes": Listed("modes", "Natural frequencies and modes, with a payload."),
@@ -51,17 +53,21 @@ EFFECTS = {
 }
 MEASURE = {
     "compare": Listed("compare", "Departure of a drawing or another mechanism, and its effect."),
-    "experiment": Listed("experiment", "Simulate the stiffness experiment of Section VI."),
-    "identify": Listed("identify", "Fit an offset of all necks and a soft fixture to slopes."),
+    "experiment": Listed(
+        "experiment", "Simulate the paper's stiffness experiment, of a stage only."
+    ),
+    "identify": Listed(
+        "identify", "Fit measured slopes by an offset of all necks, of a stage only."
+    ),
     "as-built": Listed("as_built", "Stiffness with the measured necks, and its scatter."),
 }
 DESIGNS = {
     "study": Listed("", "Study many designs: run, count finished designs, collect, plot."),
-    "design": Listed("", "Find the best stage or mechanism for requirements."),
+    "design": Listed("", "Find the dimensions that meet requirements best."),
 }
 EXPORT = {
     "export": Listed("export", "Write a drawing or a solid for the workshop, in mm."),
-    "mesh": Listed("mesh", "Mesh a stage or a mechanism and write the mesh with groups."),
+    "mesh": Listed("mesh", "Mesh a mechanism and write the mesh with named groups."),
     "report": Listed("report", "Write one HTML page of a file or of stored results."),
     "schema": Listed("schema", "JSON schema of a kind of file, or the table of its keys."),
 }

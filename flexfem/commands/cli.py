@@ -178,7 +178,7 @@ def design(
     scheduler: Annotated[str | None, typer.Option(help=ON_DASK)] = None,
     json: Json = False,
 ) -> None:
-    """Find the best stage or mechanism for requirements, checked by finite elements.
+    """Find the dimensions that meet requirements best, checked by finite elements.
 
     The exit code is 1 if none meets them.
     """

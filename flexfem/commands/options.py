@@ -20,7 +20,7 @@ from flexfem.units import FORCES, POSES, UNITS, in_unit
 PYTHON_ONLY = ("executor", "law", "progress")  # parameters without an option
 SUBJECTS = ("mechanism", "stage")  # names of the parameter that is what a question is about
 ABOUT_SUBJECT = (
-    "Mechanism or stage file, see flexfem schema mechanism and flexfem schema stage, or a drawing."
+    "Mechanism file, whose keys flexfem schema mechanism explains, a stage file, or a drawing."
 )
 TYPES: dict[str, Any] = {  # of parameters, where typer cannot use the annotation
     **dict.fromkeys(SUBJECTS, Path),

@@ -75,7 +75,7 @@ def _kind_of_file(path: PathLike) -> Kind:
     """Return the kind of a file by its keys. Raises BadInput for one without a mechanism."""
     name = kind_of(read_toml(path).data, USUAL) or USUAL
     if name not in KINDS:
-        raise BadInput(f"{place_of(path)}: this is a {name}, expected a stage or mechanism file")
+        raise BadInput(f"{place_of(path)}: this is a {name}, expected a mechanism or stage file")
     return KINDS[name]
 
 

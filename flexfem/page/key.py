@@ -16,14 +16,15 @@ from flexfem.units import DIRECTIONS, FORCES
 
 AT_REST = {
     "free": "stiffness, other directions free",
-    "yield_range": "range at yield, other directions held, linear, ±",
-    "yield_force": "force at yield, other directions held, linear",
-    "stress": "highest stress per displacement",
+    "yield_range": "displacement at first yield, other directions held, linear",
+    "yield_force": "force at first yield, other directions held, linear",
+    "stress": "highest hinge stress per displacement, other directions held",
 }
 # by linear theory; left out where the range at finite displacement is known
 LINEAR = ("yield_range", "yield_force")
 SENSES = ("positive", "negative")
 UNKNOWN = "not known"
+STIFF = "stiff: not compared"
 MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to stop or start it."
 HEAD = ["", "x", "y", "θ"]
 
@@ -118,7 +119,10 @@ def _force_at_yield(found: Result, model: str) -> list[str]:
 
 
 def _rows_of_errors(found: Result, analytic: str) -> list[list[str]]:
-    """Return the errors of the stiffness, others free, of all models but the last, %."""
+    """Return the errors of the stiffness, other directions free, of all models but the last, %.
+
+    A direction in which the mechanism is far stiffer than in its softest one has none.
+    """
     free = found.internal.values["free"]
     last = free[-1]
     relative_band = (found.band("free") / free)[-1]
@@ -127,8 +131,8 @@ def _rows_of_errors(found: Result, analytic: str) -> list[list[str]]:
     for label, other in zip(found.axes["model"][:-1], free[:-1], strict=True):
         ratio = 100 * other / last
         cells = zip(unused, ratio - 100, ratio * relative_band, strict=True)
-        errors = ["held" if out else f"{number(error, band)} %" for out, error, band in cells]
-        title = f"error of the stiffness, others free, by {_model(label, analytic)}"
+        errors = [STIFF if out else f"{number(error, band)} %" for out, error, band in cells]
+        title = f"error of the stiffness, other directions free, by {_model(label, analytic)}"
         rows.append([title, *errors])
     return rows
 
@@ -143,7 +147,7 @@ def rows_of_range(found: Result) -> list[list[str]]:
     rows = list[list[str]]()
     for others in ("free", "held"):
         ranges = _both_ways(found, "range", others)
-        rows.append([f"range until a limit, other directions {others}", *ranges])
+        rows.append([f"range until the first limit, other directions {others}", *ranges])
         rows.append(["limit", *_limits(found, others)])
         forces = _both_ways(found, "range_force", others)
         rows.append(["force at the end of the range", *forces])

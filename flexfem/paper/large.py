@@ -29,7 +29,7 @@ from flexfem.questions.large import AMPLITUDE, RESOLUTION, length_of
 from flexfem.questions.setup import Mesh, meshed
 from flexfem.questions.warnings import of_yield
 from flexfem.results import Gate, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, PLANES
+from flexfem.units import COMPUTED_IN, DIRECTIONS
 
 ROTATION = 0.02  # rad of rotation per mm of translation: 10 mrad with 500 um
 STEPS = 20  # commands on either side of rest
@@ -177,7 +177,7 @@ def _settings(
     settings: dict[str, Any] = {
         "mobility": model.mobility,
         "formula": DEFAULT_FORMULA,
-        "plane problem": PLANES[stage.model],
+        "computed in": COMPUTED_IN[stage.model],
     }
     if elements is not None:
         settings |= meshed(mesh) | {"unknowns": elements.unknowns}

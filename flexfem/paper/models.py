@@ -49,7 +49,7 @@ class PlatformModel:
 
     def __repr__(self) -> str:
         x, y, theta = map(number, 1.0 / self.compliance.diagonal())
-        free = f"stiffness, others free: x {x} N/mm, y {y} N/mm, theta {theta} N mm/rad"
+        free = f"stiffness, other directions free: x {x} N/mm, y {y} N/mm, theta {theta} N mm/rad"
         return f"<{type(self).__name__} of {self.stage.name!r}: {free}>"
 
     def force(self, pose: ArrayLike) -> Array:

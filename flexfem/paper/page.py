@@ -130,7 +130,9 @@ class StagePage(MechanismPage):
             for end in ("low", "high")
         )
         cells = [f"{first} to {last}" for first, last in zip(low, high, strict=True)]
-        key.rows.append(["range of the drive, others at zero, by the analytic model", *cells])
+        key.rows.append(
+            ["range of the drive, other directions at zero, by the analytic model", *cells]
+        )
         if not meshed:
             return
         elements = driven_elements(self.mechanism, COARSE)

@@ -1,4 +1,4 @@
-"""The summary of a stage: stiffness, range and force at yield, and the range of its drive."""
+"""The summary of a stage: stiffness, first yield, and the range of its drive."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from flexfem.paper.stage import Stage
 from flexfem.paper.stiffness import stiffness
 from flexfem.questions.reach import reach
 from flexfem.questions.setup import DEFAULT, Analytic, Models
-from flexfem.questions.summary import READING, Summary, at_rest_of, ends_of, material_of
+from flexfem.questions.summary import Summary, at_rest_of, ends_of, material_of
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSE_MESHES, STRESS, Progress, Quantity, Result
 
@@ -16,12 +16,11 @@ BY_DIRECTION = ("direction", "model")
 
 
 class StageSummary(Result):
-    """Stiffness, range at yield, force and stress by direction, and ranges of the drive."""
+    """Stiffness, first yield, its force and stress by direction, and ranges of the drive."""
 
     kind_name = "summary"
     title = "summary"
     main_result = ("free", {})
-    footnotes = READING
     stiffness = replace(Summary.stiffness, gate=COARSE_MESHES, compared=True)
     free = replace(Summary.free, gate=COARSE_MESHES)
     yield_range = replace(Summary.yield_range, gate=STRESS)
@@ -65,7 +64,7 @@ def summary(
         except ComputationFailed as failure:
             warnings.append(str(failure))
         else:
-            notes.append("drive min, max: range of the drive")
+            notes.append("range of the drive: within all its limits, by the analytic model")
             values |= ends_of(reached.internal.values["ends"])
             warnings += reached.warnings
     return StageSummary(found.about, values, bands, found.axes, settings, warnings, notes)

@@ -52,10 +52,6 @@ class MechanismAsBuilt(Result):
     main_result = ("deviation", {"others": "free"})
     labels: ClassVar = {"others": OTHERS}
     columns = ("component",)
-    footnotes: ClassVar[tuple[str, ...]] = (
-        "others: the other two directions, held at zero, or free, as they are where one force "
-        "moves the output",
-    )
     stiffness = Quantity(
         "stiffness as built", "stiffness matrix", ("direction", "component"), EXACT, "matrix"
     )

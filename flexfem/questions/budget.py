@@ -85,7 +85,7 @@ def budget(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Budget:
-    """Split the error of the analytic model of a stage or mechanism into named shares that add up
+    """Split the error of the analytic model of a mechanism into named shares that add up
     to it.
 
     Parameters

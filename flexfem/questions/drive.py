@@ -113,8 +113,8 @@ def drive(
     thickness_resolution: int | None = None,
     plane: bool = False,
 ) -> Drive:
-    """Strokes and forces of the stacks of a stage for a pose, or the motion of a mechanism by its
-    actuators.
+    """Motion of a mechanism by its actuators; of a stage, strokes and forces of the stacks for a
+    pose.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def drive(
     load : tuple of float
         Load on the platform: N, N, N mm. Of a stage file only.
     models : {"both", "analytic"}
-        With "both", the strokes of the analytic model are applied to finite elements.
+        "both" adds finite elements; of a stage, under the strokes of the analytic model.
     resolution : int, optional
         Triangles across every neck.
     solid : bool

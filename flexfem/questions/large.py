@@ -44,10 +44,11 @@ class Large(Result):
     figure = "large.large_figure"
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in SHARES)}
     footnotes = (
-        "linear: the analytic network with rigid bodies, or finite elements of a plate without "
-        "hinges; beams: the network with hinges as co-rotational beams; finite elements: plane, "
-        "with finite rotations and elastic bodies",
-        "the rotation is that of the rigid motion nearest to the motion of the contact",
+        "linear: the analytic model with rigid bodies, or finite elements of a plate without "
+        "hinges; beams: the same with hinges as beams at finite rotations; finite elements: plane, "
+        "with elastic bodies, at finite rotations",
+        "the rotation of the output is that of the rigid motion nearest to the motion of its "
+        "contact",
     )
     force = Quantity(
         "load on the output", "wrench", ("load", "direction"), SOLVED, "wrench", detail=True
@@ -58,7 +59,7 @@ class Large(Result):
         ("load", "theory", "direction"),
         ON_MESHES,
         "wrench",
-        note="with the output driven by the amplitude along one direction, the others free",
+        note="the output is driven along one direction, with the other directions free",
     )
     pose = Quantity(
         "displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose"
@@ -130,24 +131,23 @@ def large(
     resolution: int | None = None,
     progress: Progress | None = None,
 ) -> Large:
-    """Change of the tangent stiffness and error of the linear position of a stage or mechanism at
-    large displacements.
+    """Motion, force and stiffness at large displacements, and the error of linear theory there.
 
     Parameters
     ----------
     mechanism : Mechanism
         The mechanism, of a mechanism file or of a stage file.
     amplitude : float or str
-        Largest displacement in x and y, mm; in theta 0.02 rad for every mm. The output of a
-        mechanism is driven by it along its softest translation, or turned by an angle with its
-        unit, such as "5deg"; against it if negative.
+        Largest displacement of the output, mm, along its softest translation, or an angle with its
+        unit, such as "5deg", by which it is turned; against the direction if negative. Of a stage
+        the largest displacement along x and y, mm; about theta 0.02 rad for every mm.
     along : {"x", "y", "theta"}, optional
-        Direction along which the output of a mechanism is driven, the others free; by default its
-        softest translation.
+        Direction along which the output is driven, with the other directions free; by default its
+        softest translation. Not of a stage file.
     force : tuple of float, optional
-        Largest load on the output of a mechanism, N and N mm, instead of the amplitude.
+        Largest load on the output, N and N mm, instead of the amplitude. Not of a stage file.
     models : {"both", "analytic"}
-        "both" adds nonlinear finite elements to the pseudo-rigid stage.
+        "both" adds nonlinear finite elements to the analytic model.
     resolution : int, optional
         Triangles across every neck.
     progress : callable, optional

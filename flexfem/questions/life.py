@@ -156,6 +156,7 @@ class Life(WithLaw, Result):
     main_result = ("life", {})
     figure = "life.life_figure"
     footnotes: ClassVar[tuple[str, ...]] = (
+        "the output is moved in all three directions: one of amplitude zero is held",
         "the highest stress of a hinge in the mean pose counts as tension, which is conservative",
         "analytic, elastic bodies: linear theory; other models: at finite displacement",
     )
@@ -329,18 +330,18 @@ def life(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Life:
-    """Cycles to failure of the hinges of a stage or mechanism at an amplitude, and the amplitude
-    for a wanted life.
+    """Cycles to failure of the hinges at an amplitude of the output, and the amplitude for a wanted
+    life.
 
     Parameters
     ----------
     mechanism : Mechanism
         The mechanism, of a mechanism file or of a stage file.
     amplitude : tuple of float
-        Amplitude of the pose of the platform about its mean: mm, mm, rad; the pose is imposed in
-        all directions.
+        Amplitude of the output about its mean along x, y and theta: mm, mm, rad. A direction of
+        amplitude zero is held.
     mean : tuple of float, optional
-        Mean of the pose: mm, mm, rad.
+        Mean position of the output: mm, mm, rad.
     ratio : float, optional
         Ratio of least to greatest displacement, instead of a mean, from -1 to 0.99; by default -1,
         fully reversed. The mean then scales with the amplitude for the wanted life.

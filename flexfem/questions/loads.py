@@ -56,8 +56,8 @@ def required_load(
     found = stated_load(layout, force, force_at)
     if found is None or not np.any(found.on_ports):
         raise BadInput(
-            "no load, expected force (N, N, N mm) on the output or force_at on named points, not "
-            "zero"
+            "no load, expected force (N, N, N mm) on the output or force_at on named points, other "
+            "than zero"
         )
     return found
 

@@ -66,7 +66,7 @@ class MeasuredNeck(Table):
 
 
 class Necks(Sourced):
-    """The measured necks of a stage or a mechanism, one entry per hinge."""
+    """The measured necks of a mechanism, one entry per hinge."""
 
     kind: ClassVar[str] = "necks file"
 

@@ -88,14 +88,11 @@ RANGE_LABELS = {
     ),
 }
 RANGE = Quantity(
-    "range of the output until a limit",
+    "range of the output until the first limit",
     "motion",
     ("others", "sense", "direction"),
     PEAK,
-    note=(
-        "at finite displacements, driven along one direction from rest, the other directions "
-        "held or free"
-    ),
+    note="at finite displacements, the output driven from rest along one direction",
 )
 RANGE_FORCE = Quantity(
     "force at the end of the range",
@@ -304,7 +301,7 @@ def described(layout: Layout, found: Ranges) -> list[str]:
             ),
         }[end.kind]
         by_limit.setdefault(limit, []).append(
-            f"{'+-'[sense]}{DIRECTIONS[axis]} ({('held', 'free')[which]})"
+            f"{'+-'[sense]}{DIRECTIONS[axis]} (others {('held', 'free')[which]})"
         )
     return [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
 

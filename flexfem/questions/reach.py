@@ -30,8 +30,8 @@ class Reach(Result):
     main_result = ("ends", {"others": "free"})
     labels: ClassVar = {"others": ("zero", "free"), "end": ("low", "high")}
     footnotes: ClassVar[tuple[str, ...]] = (
-        "motion relative to zero strokes; others: the other two directions, free, or held at "
-        "zero by at least three actuators; an actuator acts along its line at rest",
+        "others: the other two directions, free, or kept at zero by at least three actuators",
+        "motion is counted from zero strokes; an actuator acts along its line at rest",
         "analytic, elastic bodies: linear theory; other models: at finite displacement",
     )
     ends = Quantity(

@@ -203,11 +203,11 @@ class Analytic(NamedTuple):
     Parameters
     ----------
     mobility : int, optional
-        Mobility of the stage with rigid links: 3, 6, 12 or 21.
+        Of a stage file: mobility of the stage with rigid links, 3, 6, 12 or 21.
     formula : str, optional
-        Formula of the hinges, see `flexfem formulas`.
+        Of a stage file: formula of the hinges, see `flexfem formulas`.
     links : bool
-        Model pads, links and platform as elastic; with mobility 21 only.
+        Of a stage file: model pads, links and platform as elastic; with mobility 21 only.
     """
 
     mobility: int | None = None
@@ -234,9 +234,9 @@ WITHOUT_PRELOAD = (
     "file states: `modes`, and the stiffness and amplification of `stiffness`, contain them"
 )
 BY_HINGES = (
-    f"{SOLID}: plane finite elements of the plate, and three-dimensional ones of every hinge, "
-    "also in the elastic bodies; the analytic model has hinges in three dimensions by plates of "
-    "their height"
+    f"{SOLID}: plane finite elements of the whole plate, corrected by three-dimensional ones of "
+    "every hinge, and elastic bodies likewise; the analytic model corrects every hinge by a plate "
+    "of its height"
 )
 
 

@@ -1,4 +1,4 @@
-"""A mechanism at rest: stiffness, stress, range at yield, and response to a load."""
+"""A mechanism at rest: stiffness, stress, range, and response to a load."""
 
 from __future__ import annotations
 
@@ -46,13 +46,13 @@ from flexfem.results import ANALYTIC, MAGNITUDE, SOLVED, Gate, Progress, Quantit
 from flexfem.units import DIRECTIONS
 
 UNDER_PRELOAD = (
-    "the stiffness is that of small motions about the equilibrium under the preload; stress, "
-    "ranges and buckling loads are not stated there"
+    "the stiffness is that of small motions about the equilibrium under the preload, where no "
+    "stress, range or buckling load is stated"
 )
 LIMITS = ("range", "buckling_load")  # beginnings of the names of what `no_limits` leaves out
 HINGES_ALONE = (
-    "the analytic model does not hold there, and its stress and range at yield are those of "
-    "hinges alone"
+    "the analytic model does not hold there, and its stress and displacement at first yield are "
+    "those of hinges alone"
 )
 # of the place of a highest stress: another one may have nearly the same
 NEARLY_EQUAL = Gate(1.0, MAGNITUDE, 1e4)
@@ -140,7 +140,7 @@ class Stiffness(Result):
         detail=True,
     )
     yield_force = Quantity(
-        "force along the displacement at yield, linear",
+        "force at first yield, other directions held, linear",
         "wrench",
         ("model", "direction"),
         PEAK,
@@ -287,7 +287,7 @@ def stiffness(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Stiffness:
-    """Stiffness, stress and range at yield, and the response to a load or a displacement.
+    """Stiffness, stress and range of the output, and the response to a load or a displacement.
 
     Parameters
     ----------
@@ -683,8 +683,8 @@ def _first_yields(layout: Layout, values: Values) -> str:
         name = names[int(np.argmax(stress[:, axis]))]
         x = values["yield_x"][axis]
         y = values["yield_y"][axis]
-        texts.append(f"{direction} {name} at ({x:.4g}, {y:.4g}) mm")
-    return f"first yield by finite elements, which ends the range at yield: {'; '.join(texts)}"
+        texts.append(f"along {direction} {name} at ({x:.4g}, {y:.4g}) mm")
+    return f"first yield by finite elements and linear theory: {'; '.join(texts)}"
 
 
 def _buckling(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> PartOfAnswer:

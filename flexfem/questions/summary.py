@@ -1,4 +1,4 @@
-"""The summary of a mechanism: stiffness, range at yield, inputs and first frequency."""
+"""The summary of a mechanism: stiffness, range, motion by the actuators and first frequency."""
 
 from __future__ import annotations
 
@@ -17,15 +17,10 @@ from flexfem.questions.reach import motion_by_strokes
 from flexfem.questions.setup import DEFAULT, Analytic, Mesh, Models
 from flexfem.questions.stiffness import LIFTED_FREE, LIFTED_LABELS, lifted_stiffness, stiffness
 from flexfem.results import SOLVED, Arrays, Progress, Quantity, Result
-from flexfem.units import PLANES, without_unit
+from flexfem.units import COMPUTED_IN, in_words
 
 BY_DIRECTION = ("direction", "model")
-READING = (
-    "range at yield: displacement at the first yield, in a hinge or a body, others held; "
-    "force at yield: force along it; both by linear theory, without stretching of hinges and "
-    "buckling",
-    "others: the other two directions, held at zero or free",
-)
+AT_FIRST_YIELD = "of a hinge or a body, by linear theory, without stretching of hinges and buckling"
 NEGLIGIBLE = 1e-12  # mm, rad: round-off of an end of a range that is zero
 # quantities of `stiffness` that a summary has by direction, then by model
 OF_MODELS = {"free", "yield_range", "yield_force", "stress", "thickness"}
@@ -33,25 +28,38 @@ OF_RANGES = {"range", "range_force", "range_limit"}
 
 
 class Summary(Result):
-    """Stiffness, range at yield, force and stress by direction, first frequency and inputs."""
+    """Stiffness, range, force and stress by direction, first frequency, motion by actuators."""
 
     kind_name = "mechanism_summary"
     title = "summary"
     main_result = ("free", {})
     labels: ClassVar = {**RANGE_LABELS, **LIFTED_LABELS}
     columns = ("direction", "out of plane")
-    footnotes = READING
     stiffness = Quantity(
-        "stiffness, others held", "stiffness", BY_DIRECTION, ON_MESHES, compared=False
+        "stiffness, other directions held", "stiffness", BY_DIRECTION, ON_MESHES, compared=False
     )
-    free = Quantity("stiffness, others free", "stiffness", BY_DIRECTION, ON_MESHES)
+    free = Quantity("stiffness, other directions free", "stiffness", BY_DIRECTION, ON_MESHES)
     range = RANGE
     range_force = RANGE_FORCE
     range_limit = RANGE_LIMIT
-    yield_range = Quantity("range at yield, linear, ±", "motion", BY_DIRECTION, PEAK, detail=True)
-    yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, PEAK, detail=True)
+    yield_range = Quantity(
+        "displacement at first yield, other directions held, linear",
+        "motion",
+        BY_DIRECTION,
+        PEAK,
+        note=AT_FIRST_YIELD,
+        detail=True,
+    )
+    yield_force = Quantity(
+        "force at first yield, other directions held, linear",
+        "wrench",
+        BY_DIRECTION,
+        PEAK,
+        note=AT_FIRST_YIELD,
+        detail=True,
+    )
     stress = Quantity(
-        "hinge stress per displacement",
+        "highest hinge stress per displacement, other directions held",
         "stress per motion",
         (*BY_DIRECTION, "hinge"),
         PEAK,
@@ -59,19 +67,39 @@ class Summary(Result):
         detail=True,
     )
     held_low = Quantity(
-        "drive min, others held", "motion", ("direction",), SOLVED, "pose", beside="held_high"
+        "range of the drive from, other directions held",
+        "motion",
+        ("direction",),
+        SOLVED,
+        "pose",
+        beside="held_high",
     )
     held_high = Quantity(
-        "drive max, others held", "motion", ("direction",), SOLVED, "pose", beside="held_low"
+        "range of the drive to, other directions held",
+        "motion",
+        ("direction",),
+        SOLVED,
+        "pose",
+        beside="held_low",
     )
     free_low = Quantity(
-        "drive min, others free", "motion", ("direction",), SOLVED, "pose", beside="free_high"
+        "range of the drive from, other directions free",
+        "motion",
+        ("direction",),
+        SOLVED,
+        "pose",
+        beside="free_high",
     )
     free_high = Quantity(
-        "drive max, others free", "motion", ("direction",), SOLVED, "pose", beside="free_low"
+        "range of the drive to, other directions free",
+        "motion",
+        ("direction",),
+        SOLVED,
+        "pose",
+        beside="free_low",
     )
     amplification = Quantity(
-        "output motion per actuator opening",
+        "output motion per actuator opening, output free",
         ("", "", "rad_per_mm"),
         BY_DIRECTION,
         ON_MESHES,
@@ -109,7 +137,7 @@ def summary(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Summary:
-    """Stiffness, range and force at which the first part yields, and range of the drive.
+    """The main results: stiffness, range, motion by the actuators and first natural frequency.
 
     Parameters
     ----------
@@ -176,16 +204,16 @@ def summary(
 
 
 def material_of(mechanism: Mechanism) -> tuple[dict[str, Any], list[str]]:
-    """Return the plane problem and the yield strength as settings, and the sources of the material
-    as notes.
+    """Return as settings in what is computed and the yield strength, and as notes the sources of
+    the material.
     """
     by_source = dict[str, list[str]]()
     for key in mechanism.numbers:
         if key.startswith("material"):
-            name = without_unit(key.partition(".")[2]).replace("_", " ")
+            name = in_words(key.partition(".")[2])
             by_source.setdefault(mechanism.sources[key] or "not stated", []).append(name)
     settings = {
-        "plane problem": PLANES[mechanism.model],
+        "computed in": COMPUTED_IN[mechanism.model],
         "yield strength": f"{mechanism.material.yield_strength:g} MPa",
     }
     notes = [f"material ({', '.join(names)}): {source}" for source, names in by_source.items()]
@@ -247,8 +275,8 @@ def _add_reach(
     """Add the ranges of the output by the drive, and say of what they are."""
     reached = motion_by_strokes(mechanism, mesh, models)
     collected.notes.append(
-        f"drive min, max: range of the drive with all actuators ({reached.axes['model'][-1]}); "
-        "first frequency: without the actuators"
+        f"range of the drive ({reached.axes['model'][-1]}): with all actuators in place; natural "
+        "frequencies: without the actuators"
     )
     collected.warnings.extend(reached.warnings)
     for target, source in zip(collected.arrays, reached.internal, strict=True):

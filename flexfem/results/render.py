@@ -26,6 +26,11 @@ BAND_FLOOR = 1e-9  # the same of a band that is not shown
 MODELS_AS_COLUMNS = 3  # quantities by model alone above which models are columns
 CAUSES = ("model", "theory", "share")  # axes of which the main result shows the last label
 
+OTHERS = (
+    "other directions (others): the two directions along which the output is not driven; held: "
+    "it is kept from moving along them; free: it moves along them as it will"
+)
+
 
 class TextTable(NamedTuple):
     """A table of texts: head, rows, number of columns at the left that name rows, and caption."""
@@ -375,18 +380,27 @@ def heading(result: Declared) -> str:
 
 
 def sentences(result: Declared, brief: bool = False) -> list[str]:
-    """Return the explanations below the tables; with `short_repr` those of details are left out."""
+    """Return the explanations below the tables; with `brief` those of details are left out."""
     found = list(result.footnotes)
+    explained = list[Quantity]()
     for name, one in result.quantities.items():
-        if one.note and name in result.values and not (brief and _needs_no_note(one)):
-            found.append(f"{one.meaning}: {one.note}")
+        if one.shown and name in result.values and not (brief and _needs_no_note(one)):
+            explained.append(one)
+    if any(map(_has_others, explained)) and not any(text.startswith("others:") for text in found):
+        found.append(OTHERS)
+    found += [f"{one.meaning}: {one.note}" for one in explained if one.note]
     found += result.notes
     if any(np.any(np.isfinite(band)) for band in result.bands.values()):
-        source = "from the meshes"
+        source = "meshes of different size"
         if SOLID in result.axes.get("model", ()):
-            source += " and the thickness"
-        found.append(f"±: half-width of the numerical uncertainty, {source}")
+            source += " and from the treatment of the thickness"
+        found.append(f"±: numerical uncertainty to either side, estimated from {source}")
     return found
+
+
+def _has_others(one: Quantity) -> bool:
+    """Whether a quantity is that of one direction, with the other ones held or free."""
+    return "other directions" in one.meaning or "others" in one.over
 
 
 def _needs_no_note(one: Quantity) -> bool:

@@ -57,10 +57,7 @@ MATERIALS = (
     "Your own materials, one table each, in a file that a stage file names: `name` and `file` in "
     "`[material]`."
 )
-NECKS = (
-    "The necks of a stage or mechanism as measured, for `flexfem as-built`, which also reads a "
-    "CSV file."
-)
+NECKS = "The necks of a mechanism as measured, for `flexfem as-built`, which also reads a CSV file."
 MECHANISMS = (
     "One TOML file for each mechanism that is cut from one plate, of any form: bodies, hinges, "
     "copies of both, actuators and an output. `flexfem new --kind` writes examples."

@@ -124,7 +124,7 @@ class Asked(Sourced):
     array: ClassVar[str]  # the array of tables with the keys that differ between designs
     subject: ClassVar[str]
 
-    name: Label = Field(examples=["Stiffness against range at yield"])
+    name: Label = Field(examples=["Stiffness against range"])
     """Title of figures and, of a design, name of the designed stage"""
     stage: Label = Field(examples=["stage.toml"])
     """File of the base stage or mechanism, relative to this file. It has the values of all numbers

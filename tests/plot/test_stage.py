@@ -265,7 +265,7 @@ def test_with_a_display_a_window_opens_and_nothing_is_written(tmp_path, monkeypa
         ("[hinges.base]\nneckmm = 1.0\n", r"hinges\.base\.neckmm is an unknown key"),
         (
             '[[curve]]\ndirection = "x"\npoints = 3\n',
-            "this is a case file, expected a stage or mechanism file",
+            "this is a case file, expected a mechanism or stage file",
         ),
     ],
 )

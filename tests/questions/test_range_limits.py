@@ -120,7 +120,8 @@ def test_stiffness_names_the_limits_in_its_table_its_values_and_its_notes():
     assert found.at("range_limit", sense="negative", limit="yield of a hinge", **place) == 1
     np.testing.assert_array_equal(np.sum(found.range_limit, axis=2), 1)
     assert any(
-        "+x (free)" in note and "contact of 'stage' and 'stop'" in note for note in found.notes
+        "+x (others free)" in note and "contact of 'stage' and 'stop'" in note
+        for note in found.notes
     )
     cells = [cell for table in found.tables() for row in table.rows for cell in row]
     assert any("contact" in cell for cell in cells)
@@ -188,5 +189,5 @@ def test_an_end_that_finite_elements_do_not_come_near_is_not_stated():
     found = flexfem.stiffness(flexfem.load("geometry/double-parallelogram.toml"))
     ends = found.at("range", others="free", direction="theta")
     assert np.all(np.isnan(ends))
-    unknown = [note for note in found.notes if "theta (free): not known" in note]
+    unknown = [note for note in found.notes if "theta (others free): not known" in note]
     assert len(unknown) == 2
