@@ -208,13 +208,15 @@ def test_the_catalogue_lists_stacks_materials_and_shapes_with_their_keys(flexfem
             ["stiffness", "--models", "analytic", "-o", "k.png"],
             "k.png: this result has no figure, ",
         ),
+        (["reach", "-o", "k.xyz"], "k.xyz: ends in .xyz, expected .csv, .json, .html, .png, "),
         (["stiffness", "-o", "no/k.csv"], "no/k.csv: no folder no, expected an existing folder"),
     ],
 )
 def test_a_file_that_a_result_cannot_give_is_refused(flexfem, tmp_path, monkeypatch, asked, said):
     monkeypatch.chdir(tmp_path)
     command, *options = asked
-    code, _, err = flexfem(command, ROOT / "geometry/xy-stage.toml", *options)
+    code, out, err = flexfem(command, ROOT / "geometry/xy-stage.toml", *options)
+    assert out.startswith("stiffness, ") == ("this result" in said)  # what was computed is shown
     assert code == 2 and err.startswith(f"flexfem: {said}") and err.count("\n") == 1
     assert not any(tmp_path.glob("k*"))
 

@@ -25,7 +25,7 @@ from typer.core import TyperCommand, TyperGroup
 
 import flexfem
 from flexfem import terminal
-from flexfem.commands.calling import called, returns_results
+from flexfem.commands.calling import Answer, called, returns_results
 from flexfem.commands.catalogue import (
     COMMANDS,
     GROUPS,
@@ -35,7 +35,7 @@ from flexfem.commands.catalogue import (
 )
 from flexfem.commands.console import All, Json, OutputFolder, OutputOfResult, show
 from flexfem.commands.options import description, made_parameter, options_of
-from flexfem.commands.written import write
+from flexfem.commands.written import lacking, write
 from flexfem.files.inputs import recording_inputs
 from flexfem.refused import BadInput, ComputationFailed, printed
 from flexfem.sources import ONE_THREAD, manifest, use_own
@@ -225,7 +225,7 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
         if found is None:  # of a server
             return
         if isinstance(found, Result) and given["output"] is not None:
-            write(found, given["output"], answer.stem)
+            _write(answer, given)
         show(found, given["json"], given.get("whole", False))
         if getattr(found, "findings", None) or getattr(found, "failed", False):
             raise typer.Exit(1)  # of a check, of a study
@@ -233,6 +233,16 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
     run.__annotations__ = {option.name: option.annotation for option in options}
     return run
+
+
+def _write(answer: Answer, given: dict[str, Any]) -> None:
+    """Write a result to the output that is stated; one that cannot be written is shown."""
+    refused = lacking(answer.found, given["output"])
+    if refused:
+        show(answer.found, given["json"], given["whole"])
+        raise BadInput(refused)
+    paths = write(answer.found, given["output"], answer.stem)
+    print(f"written: {', '.join(map(str, paths))}", file=sys.stderr)
 
 
 def _print_version(requested: bool) -> None:

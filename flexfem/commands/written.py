@@ -27,6 +27,11 @@ def check_output(path: Path | None) -> Path | None:
         return None
     if is_file(path):
         check_file(path)
+    elif path.suffix[1:].isalpha() and not path.exists():
+        raise BadInput(
+            f"{path}: ends in {path.suffix}, expected {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}, "
+            "or the name of a folder"
+        )
     else:
         check_folder(path)
     return path
@@ -48,6 +53,22 @@ def check_ending(path: Path | None, kind: Any) -> None:
     raise BadInput(
         f"{path}: no {what} of {kind.title}, expected a name that ends in "
         f"{', '.join(endings[:-1])} or {endings[-1]}, or a folder"
+    )
+
+
+def lacking(found: Any, output: Path) -> str:
+    """Return a refusal of a stated output that a result cannot give, which is empty otherwise."""
+    ending = output.suffix.lower()
+    what = ""
+    if ending == FIELDS and not hasattr(found.fields, "write_vtu"):
+        what = "field of finite elements"
+    if ending in PICTURES and not _has_figure(found):
+        what = "figure"
+    if not what or not is_file(output):
+        return ""
+    return (
+        f"{output}: this result has no {what}, expected finite elements (and of a stiffness "
+        "a load), or a name that ends in .csv, .json or .html"
     )
 
 
@@ -121,11 +142,6 @@ def _html(found: Any, path: Path) -> list[Path]:
 
 
 def _fields(found: Any, path: Path) -> list[Path]:
-    if not hasattr(found.fields, "write_vtu"):
-        raise BadInput(
-            f"{path}: this result has no field of finite elements, expected models with them, and "
-            "for a stiffness a load"
-        )
     found.fields.write_vtu(path)
     return [path]
 
@@ -135,12 +151,7 @@ def _picture(found: Any, path: Path) -> list[Path]:
     from flexfem.plot import figures_of
     from flexfem.plot.write import write_picture
 
-    figures = []
-    if _has_figure(found):
-        figures = [each for each in figures_of(found).values() if not callable(each)]
+    figures = [each for each in figures_of(found).values() if not callable(each)]
     if not figures:
-        raise BadInput(
-            f"{path}: this result has no figure, expected options with which it has one, such as "
-            "a load and finite elements"
-        )
+        raise BadInput(f"{path}: this result has no single figure, expected a folder")
     return [write_picture(path, figures[0])]

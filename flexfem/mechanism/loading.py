@@ -38,7 +38,7 @@ KINDS = {
         drawer="mechanism.unfinished:read_drawable",
     ),
 }
-USUAL = "stage file"  # kind of a file whose keys fit several kinds
+USUAL = "mechanism file"  # kind of a file whose keys fit several kinds
 
 
 def load(path: PathLike) -> Mechanism:
