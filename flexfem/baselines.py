@@ -577,7 +577,7 @@ def _of_study(path: Path) -> Iterator[Number]:
 def _table_of(path: Path) -> dict[str, Array]:
     """Return the columns of numbers of a study that is run and collected here."""
     with tempfile.TemporaryDirectory() as folder:
-        status = flexfem.run_study(path, folder, workers=1)
+        status = flexfem.run_study(path, folder, workers=1, no_figures=True)
         if status["failed"]:
             raise ComputationFailed(f"{path}: {', '.join(status['reasons']['failed'])}")
         found = table(flexfem.collect_study(path, folder)["written"][0], as_arrow=True)

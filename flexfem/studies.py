@@ -30,10 +30,13 @@ from flexfem.study.answer import nominal, require_extra_numbers
 from flexfem.study.collect import RUN_AGAIN, Collected, collect, counted_warnings, read_table
 from flexfem.study.findings import findings
 from flexfem.study.loaded import load_study
+from flexfem.study.overview import overview
 from flexfem.study.records import ParetoFront, Record, Refused
 from flexfem.study.run import Counts, Parts
 from flexfem.study.source import Source
 from flexfem.study.workers import workers_of
+
+NO_FIGURE = "no figure: no number differs between designs that differ in a factor"
 
 
 class Facts(dict[str, Any]):
@@ -117,10 +120,12 @@ def run_study(
     retry: bool = False,
     scheduler: str | None = None,
     executor: Executor | None = None,
+    no_figures: bool = False,
     progress: Progress | None = None,
 ) -> Facts:
-    """Compute the unfinished designs of a study. The same call continues a run that was stopped or
-    killed.
+    """Compute the unfinished designs of a study, then write its table and draw its figures.
+
+    The same call continues a run that was stopped or killed.
 
     Parameters
     ----------
@@ -141,14 +146,17 @@ def run_study(
         scheduler file.
     executor : concurrent.futures.Executor, optional
         Compute on the workers of this executor, such as `client.get_executor()` of a Dask client.
+    no_figures : bool
+        Compute only, without the table and the figures. A share of a study never has them.
     progress : callable, optional
         Called with a line of text after every part.
 
     Returns
     -------
     dict
-        As that of `study_status`, for this share, with the `next` command. Raises BadInput or
-        ComputationFailed; written parts are kept in any case.
+        As that of `study_status`, for this share, with the `next` command, and the files `written`:
+        the table, then the figures. Raises BadInput or ComputationFailed; written parts are kept in
+        any case.
     """
     share = shard_of(shard)
     parts = parts_of(study, output)
@@ -170,16 +178,43 @@ def run_study(
             say=progress or (lambda text: None),
         )
     facts = status_facts(parts, share)
-    folder = parts.folder.parents[1]
-    where = [] if folder.absolute() == REPORTS.absolute() else ["--output", str(folder)]
-    command = ["plot"]
-    if facts["failed"]:
-        command = ["run", "--retry"]
-    elif facts["open_elsewhere"]:
-        command = ["status"]
-    following = shlex.join(["flexfem", "study", *command, facts["file"], *where])
-    facts |= {"shard": shard, "next": following}
+    facts |= {"shard": shard, "written": [], "not_drawn": {}}
+    if facts["ok"] and not (facts["open"] or facts["open_elsewhere"] or no_figures):
+        if progress is not None:
+            progress("table and figures")
+        facts |= _drawn(findings_of(parts))
+    facts["next"] = _next_command(facts, parts.folder.parents[1])
     return Facts(facts, _lines(facts), bool(facts["open"] or (facts["failed"] and not facts["ok"])))
+
+
+def _next_command(facts: Mapping[str, Any], folder: Path) -> str:
+    """Return the command that follows a run, by its facts and the folder of results."""
+    elsewhere = folder.absolute() != REPORTS.absolute()
+    where = ["--output", str(folder)] if elsewhere else []
+    command = ["study", "plot", facts["file"], *where]
+    if facts["failed"]:
+        command = ["study", "run", "--retry", facts["file"], *where]
+    elif facts["open_elsewhere"]:
+        command = ["study", "status", facts["file"], *where]
+    elif facts["written"]:
+        page = str(Path(facts["written"][0]).with_suffix(".html"))
+        where = ["--folder", str(folder)] if elsewhere else []
+        command = ["report", facts["file"], *where, "-o", page]
+    return shlex.join(["flexfem", *command])
+
+
+def _drawn(findings: StudyFindings) -> dict[str, Any]:
+    """Draw the figures of a study; return the written files, and why a figure is not drawn."""
+    from flexfem.plot.study import write_study_figures  # heavy
+
+    images = write_study_figures(findings.found, findings.table.path.parent)
+    refused = {
+        name: record.reason
+        for name, record in findings.found.items()
+        if isinstance(record, Refused)
+    }
+    written = [str(path) for path in (findings.table.path, *images)]
+    return {"written": written, "not_drawn": refused}
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> Facts:
@@ -292,20 +327,18 @@ def plot_study(
         The written files, warnings, and the rows of every figure, or why it cannot be drawn. Raises
         BadInput.
     """
-    from flexfem.plot.study import write_study_figures  # heavy
-
-    table, source, found = study_findings(study, output, partial)
-    images = write_study_figures(found, table.path.parent)
-    warnings = [*run.warnings_of_factors(parts_of(study, output)), *source.table.warnings]
-    facts = {
-        "written": [str(path) for path in (table.path, *images)],
+    findings = study_findings(study, output, partial)
+    drawn = _drawn(findings)
+    warnings = [
+        *run.warnings_of_factors(parts_of(study, output)),
+        *findings.source.table.warnings,
+    ]
+    facts = drawn | {
         "warnings": warnings,
-        "findings": {name: facts_of(finding) for name, finding in found.items()},
+        "findings": {name: facts_of(finding) for name, finding in findings.found.items()},
     }
-    refused = {name: one for name, one in found.items() if isinstance(one, Refused)}
-    lines = [*facts["written"], *(f"warning: {text}" for text in warnings)]
-    lines += [f"{name} is not drawn: {finding.reason}" for name, finding in refused.items()]
-    return Facts(facts, lines, bool(refused))
+    lines = [*_lines_of_files(drawn), *(f"warning: {text}" for text in warnings)]
+    return Facts(facts, lines, bool(drawn["not_drawn"]))
 
 
 def study_findings(
@@ -321,7 +354,8 @@ def findings_of(parts: Parts, partial: bool = False) -> StudyFindings:
     """Return the findings of a study from its parts, as `study_findings`."""
     collected = collect(parts, parts.table, partial)
     source = Source(parts.loaded, read_table(collected.path), nominal(parts.loaded))
-    return StudyFindings(collected, source, findings(source))
+    found: dict[str, Record | Refused] = {**findings(source), **overview(source)}
+    return StudyFindings(collected, source, found)
 
 
 def shard_of(text: str) -> slice:
@@ -399,7 +433,20 @@ def _lines(facts: Mapping[str, Any]) -> Iterator[str]:
     ):
         yield f"{text}: --json lists them"
     if "next" in facts:
+        yield from _lines_of_files(facts)
         yield f"next: {facts['next']}"
+
+
+def _lines_of_files(facts: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the table and the figures that were written, and why others were not drawn."""
+    if facts["written"]:
+        table, *images = facts["written"]
+        yield f"table: {table}"
+        pictures = [name for name in images if name.endswith(".png")]
+        yield from (f"figure: {name} (and .pdf)" for name in pictures)
+        if not pictures and not facts["not_drawn"]:
+            yield NO_FIGURE
+    yield from (f"{name} is not drawn: {reason}" for name, reason in facts["not_drawn"].items())
 
 
 def facts_of(record: Record | Refused) -> dict[str, Any]:

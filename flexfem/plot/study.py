@@ -15,9 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator
+from matplotlib.tri import Triangulation
+from scipy.spatial import Delaunay, QhullError
 
 from flexfem.arrays import Array, is_wide
 from flexfem.plot import style
+from flexfem.plot.curves import curves_figure, effects_figure, name_above
 from flexfem.plot.front import front_page
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, panels
 from flexfem.plot.text import minus, significant
@@ -26,12 +29,17 @@ from flexfem.results import SPACE, thousands
 from flexfem.study import records
 
 WIDTH = 8.27
+MAP_HEIGHT = 3.0  # in, of one of several maps
+PANEL_LABEL = 2.2  # in, of an axis of one of several maps
 LABEL_WIDTH = 4.4  # in, of a page and of the label of an axis
 FIRST_COLOUR = "#0072B2"
 BAR_COLOUR = "#A9C4DE"
 TOTAL_COLOUR = "#F0C48A"
 HATCH_COLOUR = "#A8A8A8"
 VECTOR_DOTS = 5000
+MOST_MESHED = 3000  # designs between which contours are drawn
+LEAST_MESHED = 12
+GRID = 3  # arrays of a grid: x, y, values
 MOST_DOTS = 100_000  # most dots drawn as vectors; most drawn, else a random sample
 HATCHES = ("////", "xxxx", "....", "||||", "----")
 CONTOURS = 8  # approximate number
@@ -72,6 +80,8 @@ def page_of(record: records.Record) -> Figure:
         records.ParetoFront: pareto_figure,
     }
     kinds |= {records.Sensitivity: sensitivity_figure, records.Distribution: distribution_figure}
+    kinds |= {records.StudyMaps: maps_figure, records.Curves: curves_figure}
+    kinds |= {records.Effects: effects_figure}
     return kinds[type(record)](record)
 
 
@@ -110,6 +120,53 @@ def plot_map(ax: Axes, shown: records.StudyMap) -> Axes:
 
     Returns `ax`, which holds the colour bar as an inset. Only the contours are interpolated. Values
     of both signs have two hues, and the contours of negative values are dashed."""
+    entries = draw_map(ax, shown)
+    if entries:
+        place: dict[str, Any] = {
+            "loc": "upper left",
+            "bbox_to_anchor": (0.0, 0.0),
+            "borderaxespad": 4.6,
+        }
+        ax.legend(handles=entries, **place, frameon=False, ncols=3, handlelength=2.4)
+    return ax
+
+
+@in_house_style
+def maps_figure(shown: records.StudyMaps) -> Figure:
+    """Draw maps of several numbers over the same factors, a panel for each number."""
+    count = len(shown.maps)
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    caption = shown.caption
+    size = (WIDTH, 0.5 + (MAP_HEIGHT * rows if count > 1 else 5.5))
+    figure, axes = panels(
+        size,
+        caption.title,
+        caption.lines,
+        rows,
+        columns,
+        caption,
+        count,
+    )
+    figure.draw_without_rendering()  # determines the sizes that labels of contours need
+    entries = dict[str, Any]()
+    for ax, each in zip(axes, shown.maps, strict=True):
+        entries |= {entry.get_label(): entry for entry in draw_map(ax, each, False)}
+        name_above(ax, each.value, PANEL_LABEL + 0.6)
+        ax.xaxis.label.set_text(style.wrapped(each.x.label, PANEL_LABEL, 9.5))
+        ax.yaxis.label.set_text(style.wrapped(each.y.label, PANEL_LABEL, 9.5))
+    if entries:
+        look: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "ncols": 3}
+        figure.legend(handles=[*entries.values()], **look)
+    return figure
+
+
+def draw_map(
+    ax: Axes,
+    shown: records.StudyMap,
+    named: bool = True,
+) -> list[Any]:
+    """Draw a map with its colour bar, which is `named` or not; return the entries of its legend."""
     norm = norm_of(shown.cells.values)
     colours: dict[str, Any] = {
         "norm": norm,
@@ -132,15 +189,10 @@ def plot_map(ax: Axes, shown: records.StudyMap) -> Axes:
         ax.plot(*shown.base, linestyle="none", zorder=6, **PLUS)
         entries.append(Line2D([], [], linestyle="none", label="base design", **PLUS))
     if np.isfinite(shown.cells.values).any():
-        _draw_bar(ax.inset_axes((1.035, 0.0, 0.04, 1.0)), ax.collections[0], shown)
-    if entries:
-        place: dict[str, Any] = {
-            "loc": "upper left",
-            "bbox_to_anchor": (0.0, 0.0),
-            "borderaxespad": 4.6,
-        }
-        ax.legend(handles=entries, **place, frameon=False, ncols=3, handlelength=2.4)
-    return ax
+        bar = ax.inset_axes((1.035, 0.0, 0.04, 1.0))
+        label = style.wrapped(shown.value.label, LABEL_WIDTH, 9.5) if named else ""
+        _draw_bar(bar, ax.collections[0], shown, label)
+    return entries
 
 
 def norm_of(values: Array) -> Normalize:
@@ -214,7 +266,12 @@ def _draw_dots(
         "zorder": 2,
     }
     axes.scatter(points[known, 0], points[known, 1], c=values[known], **look, **colours)
-    entries = []
+    mesh = _mesh_of(shown)
+    entries = list[Any]()
+    if mesh is not None:
+        ends = axes.get_xlim(), axes.get_ylim()
+        _draw_contours(axes, mesh, colours["norm"], shown, entries)
+        axes.set(xlim=ends[0], ylim=ends[1])  # contours would cut dots at the border
     for mark, (reason, mask) in zip("x+123", missing.items(), strict=False):
         axes.plot(
             *points[mask].T,
@@ -239,22 +296,48 @@ def _draw_dots(
     return entries
 
 
+def _mesh_of(shown: records.StudyMap) -> tuple[Triangulation, Array] | None:
+    """Return triangles between the designs of a map and their values, for contours; None where the
+    designs are too few or on one line. Triangles at designs without a value are left out.
+    """
+    points = shown.cells.points[:MOST_MESHED]
+    values = shown.cells.values[:MOST_MESHED]
+    logs = (shown.x.log, shown.y.log)
+    places = np.where(logs, np.log(np.where(logs, points, 1.0)), points)
+    spans = np.ptp(places, axis=0)
+    if np.isfinite(values).sum() < LEAST_MESHED or not spans.all():
+        return None
+    try:
+        corners = Delaunay((places - places.min(axis=0)) / spans).simplices
+    except QhullError:
+        return None
+    left_out = np.isnan(values)[corners].any(axis=1)
+    if left_out.all():
+        return None
+    mesh = Triangulation(points[:, 0], points[:, 1], corners, left_out)
+    return mesh, np.nan_to_num(values)
+
+
 def _draw_contours(
     axes: Axes,
-    grid: tuple[Array, Array, Any],
+    grid: tuple[Any, ...],
     norm: Normalize,
     shown: records.StudyMap,
     entries: list[Any],
 ) -> None:
-    """Draw labelled contours of values on a grid (x, y, masked values), those at the marks heavier."""
-    low = float(grid[2].min())
-    high = float(grid[2].max())
+    """Draw labelled contours of values on a grid (x, y, masked values) or on a mesh (triangles,
+    values), those at the marks heavier.
+    """
+    known = shown.cells.values[np.isfinite(shown.cells.values)]
+    low = float(known.min())
+    high = float(known.max())
+    draw: Any = axes.contour if len(grid) == GRID else axes.tricontour
     unit = shown.value.after if shown.value.unit == "%" else ""
     heavy = [mark for mark in sorted(shown.marks) if low < mark < high]
     thin = [level for level in levels(norm, shown.marks) if low < level < high]
     for where, width in ((thin, 0.7), (heavy, 2.2)):
         if where:
-            lines = axes.contour(
+            lines = draw(
                 *grid,
                 levels=where,
                 colors=INK,
@@ -298,11 +381,10 @@ def _draw_bar(
     axes: Axes,
     mappable: Any,
     shown: records.StudyMap,
+    label: str,
 ) -> None:
     """Draw the colour bar with the marks."""
-    axes.figure.colorbar(mappable, cax=axes).set_label(
-        style.wrapped(shown.value.label, LABEL_WIDTH, 9.5)
-    )
+    axes.figure.colorbar(mappable, cax=axes).set_label(label)
     low, high = axes.get_ylim()
     if isinstance(mappable.norm, LogNorm):
         style.log_ticks(axes.yaxis, (low, high))

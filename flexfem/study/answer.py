@@ -244,7 +244,8 @@ def factor_warnings(loaded: LoadedStudy, changes: dict[str, list[str]]) -> list[
     figured = [name for figure in study.figure for name, _ in figure.columns.values()]
     limited = study.names_of(*(constraint.value for constraint in study.constraint))
     used = study.behind(figured) | limited
-    requested = [name for name in loaded.outputs if name in used] or list(loaded.outputs)
+    numbers = [*study.columns, *study.ask]
+    requested = [name for name in numbers if name in used] or numbers
     warnings = list[str]()
     for name, changed in changes.items():
         if not {*changed} & {*requested} and name not in used - {*figured}:

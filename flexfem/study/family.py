@@ -27,10 +27,14 @@ from flexfem.units import without_unit
 
 # designs in a part, which takes some seconds: by finite elements, and by questions of the analytic
 # model
-MESHED = {"fe": 4, "verify": 4, "three_dimensional": 2}
+MESHED = {"fe": 4, "verify": 4, "three_dimensional": 2, "both": 4}
 ASKED = 32
 PRELOADED = ("modes", "stiffness")  # questions whose results contain residual stress and preloads
-MODELS = {"analytic": "analytic", "verify": "both"}  # of questions; others are finite elements
+MODELS = {
+    "analytic": "analytic",
+    "verify": "both",
+    "both": "both",
+}  # of questions; others are finite elements
 
 
 class Misfit(NamedTuple):
@@ -238,7 +242,8 @@ class Family:
 
         Raises BadInput, ComputationFailed.
         """
-        return self.numbers(design)[:, 0]
+        found = self.numbers(design)
+        return found.T.ravel() if self.study.banded else found[:, 0]
 
     def with_bands(self, design: Mechanism) -> list[float]:
         """Return all outputs of a design; where the family `has_bands`, followed by the bands.

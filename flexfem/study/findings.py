@@ -22,14 +22,13 @@ from flexfem.study.records import (
     Sensitivity,
     Share,
 )
-from flexfem.study.source import Source
+from flexfem.study.source import LARGEST, Source
 from flexfem.study.statistics import first_order, percentiles, sobol_indices
 from flexfem.study.tables import Figure
 
 LEAST = 100  # designs for indices from a plain sample; with 60, intervals of 95 % covered 86 %
 FLAT = 1e-9  # relative spread up to which a value is constant but for round-off
 MARKED = (2.5, 50.0, 97.5)  # percentiles
-LARGEST = 1e100  # largest drawn number, whose square and inverse square are finite
 
 
 def findings(source: Source) -> dict[str, Record | Refused]:
@@ -66,8 +65,7 @@ def _require_drawable(
     name: str,
 ) -> None:
     table = source.table
-    sizes = np.abs(source.column(name))
-    bad = np.flatnonzero(table.ok & (sizes != 0) & ~((sizes >= 1 / LARGEST) & (sizes <= LARGEST)))
+    bad = np.flatnonzero(table.ok & np.isnan(source.drawable(name)))
     if len(bad):
         designs = (
             f"{len(bad)} of {int(table.ok.sum())} designs with a result, expected one for each"
@@ -92,7 +90,7 @@ def distribution_of(source: Source, figure: Figure) -> Distribution:
             " They assume independent draws; for these evenly spread designs they are usually "
             "too wide."
         )
-    caption = source.caption(figure, "Scatter of the values", line)
+    caption = source.caption(figure.title or "Scatter of the values", figure.names, line)
     return Distribution(caption, scatters, _table_of_percentiles(scatters))
 
 
@@ -147,7 +145,7 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
             )
     factors = [factor(column).name for column in loaded.columns]
     return Sensitivity(
-        source.caption(figure, "Share of variance by factor", line),
+        source.caption(figure.title or "Share of variance by factor", figure.names, line),
         shares,
         factors,
         _table_of_shares(shares, factors, parts),

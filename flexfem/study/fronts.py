@@ -11,7 +11,7 @@ import numpy as np
 
 from flexfem.arrays import Array, Index, is_wide
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.study.names import counted
+from flexfem.study.names import counted, sentence
 from flexfem.study.records import AxisText, Chosen, FigureTable, ParetoFront
 from flexfem.study.source import Source
 from flexfem.study.tables import Figure
@@ -37,8 +37,9 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     gain = designs.gain(found.undrawable)
     x_axis = designs.axes[x]
     y_axis = designs.axes[y]
+    title = figure.title or sentence(f"{y_axis.name} against {x_axis.name}")[:-1]
     return ParetoFront(
-        source.caption(figure, f"{y_axis.name} against {x_axis.name}", *designs.notes(power, gain)),
+        source.caption(title, figure.names, *designs.notes(power, gain)),
         designs.scaled_axis(0),
         designs.scaled_axis(1),
         (figure.x_better, figure.y_better),

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
+from flexfem.study.names import sentence
 from flexfem.study.records import Cells, FigureTable, StudyMap
-from flexfem.study.source import Source
+from flexfem.study.source import UNKNOWN, Source
 from flexfem.study.tables import Figure
 
 PER_CELL = 12  # mean number of designs in a cell
@@ -30,12 +31,12 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
             "map", value, "no shown design satisfies all constraints, expected some"
         )
     x_axis, y_axis, value_axis = (source.quantity(name) for name in (x, y, value))
-    title = f"{value_axis.name} over {x_axis.name} and {y_axis.name}"
+    title = sentence(f"{value_axis.name} over {x_axis.name} and {y_axis.name}")[:-1]
     marks: tuple[float, ...] = ()
     if value.startswith(("error_", "cross_")):
         marks = (*TRUSTED, *(-mark for mark in TRUSTED))
     return StudyMap(
-        source.caption(figure, title, *_notes(source, value, cells)),
+        source.caption(figure.title or title, figure.names, *_notes(source, value, cells)),
         x_axis,
         y_axis,
         value_axis,
@@ -59,8 +60,8 @@ def _notes(
             f"A cell is the mean over {names} of {cells.size} designs (median); their standard "
             f"deviation is {cells.scatter:.2g}{source.quantity(value).after} (median)."
         )
-    band = value.replace("error_", "band_")
-    if band != value and band in source.table.columns:
+    band = source.band_of(value)
+    if band.startswith("band_"):
         (bands,) = source.table.with_results(band)
         notes.append(
             f"Mesh band of the error: median {np.median(bands):.2g}, largest {bands.max():.2g} "
@@ -93,7 +94,10 @@ def cells_of(
     missing = {status: table.status == status for status in table.counts if status != "ok"}
     if table.infeasible.any():
         missing["violates a constraint"] = table.infeasible
-    kept = np.where(table.kept, source.column(value), np.nan)
+    kept = np.where(table.kept, source.drawable(value), np.nan)
+    unknown = table.kept & np.isnan(kept)
+    if unknown.any():
+        missing[UNKNOWN] = unknown
     return Cells(points, kept, missing, _is_grid(source))
 
 

@@ -8,11 +8,11 @@ import flexfem
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.setup import kind_of_answer
-from flexfem.results import thousands
+from flexfem.results import Quantity, thousands
 from flexfem.study.columns import LABELS, STRESSES
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.plan import Study
+from flexfem.study.plan import BAND, Study
 from flexfem.study.records import AxisText
 from flexfem.units import DIRECTIONS, unit_of, without_unit
 
@@ -28,6 +28,9 @@ def axis_of(loaded: LoadedStudy, name: str) -> AxisText:
     for derived in study.output:
         if derived.name == name:
             return AxisText(derived.label or name, derived.unit or "")
+    if name.endswith(BAND) and name.removesuffix(BAND) in study.ask:
+        number = asked(name.removesuffix(BAND), loaded.base)
+        return number._replace(name=f"± of {number.name}")
     return asked(name, loaded.base) if name in study.ask else output(name, study)
 
 
@@ -42,9 +45,7 @@ def asked(path: str, mechanism: Mechanism) -> AxisText:
     """Return the meaning and unit of a number of a result about a mechanism at a path such as
     `stiffness.free.analytic.x`.
     """
-    question, name, *labels = path.replace("_", " ").split(".")
-    kind = kind_of_answer(getattr(flexfem, question), mechanism)
-    quantity = kind.quantities[name.replace(" ", "_")]
+    quantity, labels = _quantity_at(path, mechanism)
     if len(labels) != len(quantity.over):
         return AxisText(path)
     head, *rest = quantity.meaning.split(", ")
@@ -55,6 +56,21 @@ def asked(path: str, mechanism: Mechanism) -> AxisText:
             rest.append(label if label.startswith(axis) else f"{axis} {label}")
     place = tuple(DIRECTIONS.index(label) if label in DIRECTIONS else 0 for label in labels)
     return AxisText(", ".join([head, *rest]), quantity.unit_at(place).name)
+
+
+def model_of(path: str, mechanism: Mechanism) -> str:
+    """Return the label of the model in the path of a number, "" where the path names none."""
+    quantity, labels = _quantity_at(path, mechanism)
+    if "model" not in quantity.over or len(labels) != len(quantity.over):
+        return ""
+    return labels[quantity.over.index("model")]
+
+
+def _quantity_at(path: str, mechanism: Mechanism) -> tuple[Quantity, list[str]]:
+    """Return the quantity of a number of a result at a path, and the labels in the path."""
+    question, name, *labels = path.replace("_", " ").split(".")
+    kind = kind_of_answer(getattr(flexfem, question), mechanism)
+    return kind.quantities[name.replace(" ", "_")], labels
 
 
 def factor(column: Column) -> AxisText:
@@ -94,6 +110,7 @@ def model_words(loaded: LoadedStudy) -> str:
         "fe": f"Finite elements: {meshed}",
         "three_dimensional": f"Finite elements in three dimensions: {meshed}, {layers} in half the thickness",  # noqa: E501
         "verify": f"Finite elements ({meshed}) against the analytic model ({analytic})",
+        "both": f"Analytic model: {analytic}. Finite elements: {meshed}",
     }[study.model]
     return model if base.model == "plane_stress" else f"{model}, {base.model.replace('_', ' ')}"
 

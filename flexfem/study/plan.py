@@ -74,15 +74,16 @@ UNCORRELATED: dict[Method, str] = {
     "grid": "a grid contains all combinations of values",
     "table": "its rows are used unchanged",
 }
+BAND = ".band"  # after the path of a number: the column of the half-width of its band
 SINGULAR = 1e-9  # eigenvalue of a correlation matrix, below which it is singular
 # models of the keys that not every model takes
 APPLIES = {
     "formula": ("analytic", "verify"),
     "mobility": ("analytic", "verify"),
     "links": ("analytic",),
-    "resolution": ("fe", "verify", "three_dimensional"),
+    "resolution": ("fe", "verify", "three_dimensional", "both"),
     "thickness_resolution": ("three_dimensional",),
-    "time_limit_s": ("fe", "verify", "three_dimensional"),
+    "time_limit_s": ("fe", "verify", "three_dimensional", "both"),
     "bands": ("verify",),
     "frequencies": ("analytic", "fe", "verify"),  # in the plane
     "life": ("analytic", "fe", "verify"),
@@ -320,16 +321,19 @@ class Study(Asked):
     array: ClassVar[str] = "factor"
     subject: ClassVar[str] = "study"
 
-    model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(examples=["analytic"])
+    model: Literal["analytic", "fe", "verify", "three_dimensional", "both"] = Field(
+        examples=["analytic"]
+    )
     """`analytic`; `fe`, finite elements in the plane model of the stage; `three_dimensional`,
-    finite elements of the extruded stage; or `verify`, the error percentages of `analytic` against
-    `fe`. `formula` and `mobility` are for `analytic` and `verify`, `links` for `analytic` """
+    finite elements of the extruded stage; `verify`, the error percentages of `analytic` against
+    `fe` for a stage; or `both`, the numbers of both models of a mechanism. `formula` and `mobility`
+    are for `analytic` and `verify`, `links` for `analytic` """
     resolution: int = Field(
         default=4,
         ge=4,
         le=FINEST,
     )
-    """Number of triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
+    """Number of triangles across every neck, with `fe`, `verify`, `three_dimensional`, `both`"""
     layers: int = Field(
         default=2,
         ge=1,
@@ -345,9 +349,9 @@ class Study(Asked):
     """How designs are checked for overlapping bodies: `drawing` draws every design. By default
     `closed_form` with `analytic`; meshed designs are always drawn """
     time_limit: quantities.Seconds = Field(default=60.0, alias="time_limit_s")
-    """Time for one design with `fe`, `verify` or `three_dimensional` (meshing only), from when the
-    worker has loaded it, without time in which the worker or the whole run is suspended. A worker
-    that takes 10 s longer is killed and replaced """
+    """Time for one design with `fe`, `verify`, `both` or `three_dimensional` (meshing only), from
+    when the worker has loaded it, without time in which the worker or the whole run is suspended. A
+    worker that takes 10 s longer is killed and replaced """
     sampling: Sampling
     """Which designs are computed, at most 10^9"""
     factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
@@ -367,7 +371,13 @@ class Study(Asked):
             if self.model not in APPLIES.get(key, (self.model,)):
                 raise refusal(f'no {key} with model = "{self.model}"', key)
         if self.on_mechanism and self.model == "verify":
-            raise refusal("analytic, fe or three_dimensional in a study of a mechanism", "model")
+            raise refusal(
+                "analytic, fe, three_dimensional or both in a study of a mechanism", "model"
+            )
+        if not self.on_mechanism and self.model == "both":
+            raise refusal(
+                "analytic, fe, three_dimensional or verify in a study of a stage", "model"
+            )
         if self.check == "closed_form" and self.model != "analytic":
             raise refusal("drawing: meshed designs are always drawn", "check")
         if self.driven and self.model == "three_dimensional":
@@ -491,6 +501,18 @@ class Study(Asked):
         """Names of the optional groups of columns."""
         verified = self.model == "verify"
         return [*super().requested, *["verify"] * verified, *["bands"] * (verified and self.bands)]
+
+    @property
+    def banded(self) -> tuple[str, ...]:
+        """The numbers of `ask` whose bands are columns too: those of a mechanism that finite
+        elements compute.
+        """
+        return self.ask if self.on_mechanism and self.model != "analytic" else ()
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of all output columns in their order: those without bands, then the bands."""
+        return (*super().outputs, *(f"{path}{BAND}" for path in self.banded))
 
     @property
     def stress_below(self) -> str:

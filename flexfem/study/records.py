@@ -95,6 +95,82 @@ class StudyMap(NamedTuple):
     table: FigureTable = NO_TABLE
 
 
+@short_repr
+class StudyMaps(NamedTuple):
+    """Maps of several values over the same two factors, in the panels of one page."""
+
+    caption: Caption
+    maps: Sequence[StudyMap]
+    table: FigureTable = NO_TABLE
+
+
+class FactorCurve(NamedTuple):
+    """A number over one factor by one model.
+
+    model : words of the model.   values : (n,), nan where there is none.   bands : (n,), their
+    half-widths, nan without one.   base : value of the base, None where it is not known.
+    """
+
+    model: str
+    values: Array
+    bands: Array
+    base: float | None = None
+
+
+class CurvePanel(NamedTuple):
+    """The curves of one number, one for each model."""
+
+    quantity: AxisText
+    curves: Sequence[FactorCurve]
+
+
+@short_repr
+class Curves(NamedTuple):
+    """Numbers over one factor.
+
+    x : the factor.   places : (n,), its values, ascending.   panels : one for each number.
+    missing : marks the places (n,) without a result, or outside constraints, by reason.
+    counts : number of designs by reason, of all designs.   base : the factor of the base."""
+
+    caption: Caption
+    x: AxisText
+    places: Array
+    panels: Sequence[CurvePanel]
+    missing: Mapping[str, AnyArray]
+    counts: Mapping[str, int]
+    base: float | None = None
+    table: FigureTable = NO_TABLE
+
+
+class Trend(NamedTuple):
+    """Medians (k,) of a number at values or in intervals (k,) of a factor, over all other factors;
+    `low` and `high`, (k,), enclose nine of ten designs.
+    """
+
+    places: Array
+    medians: Array
+    low: Array
+    high: Array
+
+
+@short_repr
+class Effects(NamedTuple):
+    """Numbers over each of several factors, the others varying as well.
+
+    trends : by number, then by factor.   points : (n, factors), factors of the drawn designs.
+    values : (n, numbers), their numbers.   base : factors, then numbers, of the base; nan where
+    not known."""
+
+    caption: Caption
+    factors: Sequence[AxisText]
+    numbers: Sequence[AxisText]
+    trends: Sequence[Sequence[Trend]]
+    points: Array
+    values: Array
+    base: tuple[Array, Array]
+    table: FigureTable = NO_TABLE
+
+
 class Percentile(NamedTuple):
     """A percentile of a sample and its confidence interval, with an infinite end where the sample
     is too small.
@@ -189,4 +265,6 @@ class Refused(NamedTuple):
     reason: str
 
 
-Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront
+Record: TypeAlias = (
+    StudyMap | StudyMaps | Curves | Effects | Distribution | Sensitivity | ParetoFront
+)

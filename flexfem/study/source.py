@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,11 @@ from flexfem.study.collect import StudyTable
 from flexfem.study.columns import LIVES, RANGES, STRESSES
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.names import axis_of, counted, model_words, sampling_words, sentence
+from flexfem.study.plan import BAND
 from flexfem.study.records import AxisText, Caption
-from flexfem.study.tables import Figure
+
+LARGEST = 1e100  # largest drawn number, whose square and inverse square are finite
+UNKNOWN = "no number"  # of a design with a result that lacks one of the numbers
 
 
 @short_repr
@@ -36,6 +39,20 @@ class Source(NamedTuple):
         """Return the numbers (n,) of a column of the table, round-off as 0."""
         return self._cleared(name, self.table.columns[name])
 
+    def drawable(self, name: str) -> Array:
+        """Return the numbers (n,) of a column, nan where there is none that can be drawn."""
+        values = self.column(name)
+        sizes = np.abs(values)
+        possible = (sizes == 0) | ((sizes >= 1 / LARGEST) & (sizes <= LARGEST))
+        return np.where(possible, values, np.nan)
+
+    def band_of(self, name: str) -> str:
+        """Return the column of the band of a number, "" where there is none."""
+        for band in (f"{name}{BAND}", name.replace("error_", "band_")):
+            if band != name and band in self.table.columns:
+                return band
+        return ""
+
     def base_value(self, name: str) -> float | None:
         """Return the number of the base stage in a column, round-off as 0; None where it is not
         known.
@@ -52,8 +69,13 @@ class Source(NamedTuple):
             np.abs(values) <= ROUND_OFF * self.table.round_off_sizes.get(name, 0.0), 0.0, values
         )
 
-    def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
-        """Return the text above a figure, with the title of the study file where it has one."""
+    def caption(
+        self,
+        title: str,
+        columns: Iterable[str],
+        *lines: str,
+    ) -> Caption:
+        """Return the text above a figure of some columns."""
         loaded = self.loaded
         study = self.loaded.study
         table = self.table
@@ -73,9 +95,9 @@ class Source(NamedTuple):
                 f"{kept} of {computed} designs with a result satisfy the constraints: {limits}."
             )
         text += [f"{warning}." for warning in table.warnings]
-        if study.behind(name for name, _ in figure.columns.values()) & {*STRESSES, *RANGES, *LIVES}:
+        if study.behind(columns) & {*STRESSES, *RANGES, *LIVES}:
             text.append(sentence(loaded.stress_accuracy))
-        return Caption(figure.title or sentence(title)[:-1], [*text, *lines], *loaded.assumptions)
+        return Caption(title, [*text, *lines], *loaded.assumptions)
 
     def base_point(
         self,

@@ -274,6 +274,11 @@ class Figure(Table):
             ("values", index): (column, True) for index, column in enumerate(self.values or ())
         }
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the columns of the figure."""
+        return [column for column, _ in self.columns.values()]
+
 
 class DriveQuestion(Table):
     """Drive of the study: the actuators of the base stage, or a stroke that rotates the base hinges

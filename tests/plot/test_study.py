@@ -418,7 +418,11 @@ def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("path", "mechanism", "said"),
     [
-        ("stiffness.free.analytic.theta", True, "stiffness in θ, other directions free (N mm/rad)"),
+        (
+            "stiffness.free.analytic.theta",
+            True,
+            "stiffness in θ, other directions free (N mm/rad)",
+        ),
         (
             "stiffness.stress.analytic.upper_guide.y",
             True,

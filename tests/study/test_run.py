@@ -431,7 +431,7 @@ def test_commands_run_count_and_collect(flexfem, study):
         0,
         300,
     )  # one part, which is the other shard's
-    code, out, _ = flexfem("study", "run", path, "--workers", 1, "--json")
+    code, out, _ = flexfem("study", "run", path, "--workers", 1, "--no-figures", "--json")
     facts = json.loads(out)
     assert (facts["open"], facts["done"], facts["next"]) == (0, 300, f"flexfem study plot {path}")
     for folder in (
@@ -442,10 +442,17 @@ def test_commands_run_count_and_collect(flexfem, study):
         code, out, _ = flexfem("study", "status", folder, "--json")
         assert (code, json.loads(out)["done"]) == (0, 300)
     code, out, _ = flexfem("study", "run", "reports/necks", "--json")
-    assert (code, json.loads(out)["next"].rsplit(" ", 1)[0]) == (
-        0,
-        "flexfem study plot",
-    ) and not Path("necks").exists()
+    facts = json.loads(out)
+    assert code == 0 and not Path("necks").exists()
+    assert facts["next"] == f"flexfem report {path} -o {Path.cwd() / 'reports/necks/necks.html'}"
+    assert Path(facts["written"][0]) == Path.cwd() / "reports/necks/necks.parquet"
+    drawn = [Path(name).name for name in facts["written"][1:]]
+    assert drawn == [
+        "necks-effects.png",
+        "necks-effects.pdf",
+        "necks-sensitivity.png",
+        "necks-sensitivity.pdf",
+    ]
     code, out, _ = flexfem("study", "collect", "reports/necks", "--to", "same.csv", "--json")
     assert json.loads(out) == {"written": ["same.csv"], "designs": 300, "open": 0}
     Path("reports/other").mkdir()
