@@ -338,6 +338,17 @@ def solve(
     return MotionUnderLoads(V[..., :3, :], _by_joint(_by_path(w, graph), graph) + Q, motions)
 
 
+class NetworkModes(NamedTuple):
+    """Natural frequencies (k,), rad/s, ascending, and modes (n, k) of unit modal mass.
+
+    mass : (n, n), of the motions, tonne and mm; `motions.T @ mass @ motions` is 1.
+    """
+
+    frequencies: Array
+    motions: Array
+    mass: Array
+
+
 class Dynamics(NamedTuple):
     """Dynamics of n motions of a network, of designs (...).
 
@@ -365,6 +376,16 @@ class Dynamics(NamedTuple):
         is_rigid = (np.arange(values.shape[-1]) >= self.rank) | (values <= STILL * values[..., :1])
         frequencies = np.where(is_rigid, np.inf, 1 / np.sqrt(np.where(is_rigid, 1.0, values)))
         return np.where(is_singular[..., 0], np.nan, frequencies)
+
+    @property
+    def modes(self) -> NetworkModes:
+        """The modes of one design with their frequencies; freedoms without one are left out."""
+        L = np.linalg.cholesky(self.mass)
+        A = L.T @ self.compliance @ L
+        vectors = np.linalg.eigh((A + A.T) / 2)[1][:, ::-1]
+        has_frequency = np.isfinite(self.frequencies)
+        motions = np.linalg.solve(L.T, vectors[:, has_frequency])
+        return NetworkModes(self.frequencies[has_frequency], motions, self.mass)
 
 
 def with_springs(motions: Array, rates: Array) -> Array:

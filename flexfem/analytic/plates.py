@@ -19,6 +19,7 @@ from flexfem.analytic.network import (
     Dynamics,
     InternalMotions,
     Network,
+    NetworkModes,
     ground_motions,
     solve,
     with_springs,
@@ -527,8 +528,8 @@ def modes(
     bodies: Sequence[ElasticBody] = (),
     engaged: bool = False,
     hinges: Array | None = None,
-) -> Array:
-    """Return natural frequencies (n,), rad/s, ascending.
+) -> NetworkModes:
+    """Return the natural modes, as motions of the ports of `inertia`.
 
     engaged : whether actuators act as springs of their stiffness.
 
@@ -540,8 +541,7 @@ def modes(
     if drives:
         C = with_springs(C, layout.drive.stiffness)
     mobility = len(M) if bodies else 3 * len(moving_bodies(layout))
-    found = Dynamics(C, M, mobility).frequencies
-    return found[np.isfinite(found)]
+    return Dynamics(C, M, mobility).modes
 
 
 def weights(layout: Layout) -> tuple[tuple[Port, ...], Array]:

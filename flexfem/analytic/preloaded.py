@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.finite import FinitePlate, grown
-from flexfem.analytic.network import Dynamics, with_springs
+from flexfem.analytic.network import Dynamics, NetworkModes, with_springs
 from flexfem.analytic.plates import inertia, moving_bodies
 from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout, Port
@@ -86,8 +86,9 @@ def modes(
     load: Array,
     engaged: bool = False,
     hinges: Array | None = None,
-) -> Array:
-    """Return natural frequencies (n,), rad/s, ascending, at an equilibrium under preloads.
+) -> NetworkModes:
+    """Return the natural modes at an equilibrium under preloads, as motions of the ports of
+    `inertia`.
 
     `plates.modes` does so at rest.
 
@@ -105,5 +106,4 @@ def modes(
             c = np.cos(at.turned[place])
             s = np.sin(at.turned[place])
             R[place : place + 2, place : place + 2] = [[c, -s], [s, c]]
-    found = Dynamics(C, R @ M @ R.T, 3 * len(moving_bodies(layout))).frequencies
-    return found[np.isfinite(found)]
+    return Dynamics(C, R @ M @ R.T, 3 * len(moving_bodies(layout))).modes

@@ -6,10 +6,14 @@ are free.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
+import numpy as np
+
 from flexfem import arguments
+from flexfem.analytic.network import Dynamics
+from flexfem.arrays import Array
 from flexfem.mechanism.layout import Payload
 from flexfem.paper import answers, bodies
 from flexfem.paper import warnings as warning
@@ -22,13 +26,13 @@ from flexfem.paper.vibration import (
     Found,
     VibratingStage,
     Vibration,
-    analytic_frequencies,
+    analytic_dynamics,
     in_depth,
     in_plane,
     payload_of,
 )
 from flexfem.questions import setup
-from flexfem.questions.mode_order import in_order, lowest_modes
+from flexfem.questions.mode_order import in_rows, lowest_modes, side_by_side
 from flexfem.questions.modes import MOST, SOLID_RESOLUTION, Drives
 from flexfem.questions.setup import LIFTED, Mesh, ModelAnswer, Models, question
 from flexfem.questions.warnings import of_payload
@@ -123,16 +127,17 @@ def modes(
             )
         asked = asked._replace(drive=drive_of(stage))
     warnings = [*warning.of_stage(stage), *of_payload(stage, carried.mass)]
-    found = dict[str, ModelAnswer]()
+    analytic = dict[str, Dynamics]()
     if models != "elements":
-        for name, frequencies in analytic_frequencies(asked, warnings).items():
-            found[name] = ModelAnswer({"frequency": frequencies})
+        analytic = analytic_dynamics(asked, warnings)
         if count > RIGID_MODES:
             warnings.append(ABOVE_THIRD)
+    found = {name: ModelAnswer({"frequency": by.frequencies}) for name, by in analytic.items()}
     values = _masses(asked)
     axes: dict[str, Sequence[str]] = {"mode": [str(k + 1) for k in range(count)]}
     notes = list[str]()
     fields: Vibration | None = None
+    alike = dict[str, Array]()
     if mesh is not None:
         elements = _by_elements(asked, mesh, ratio, progress)
         found |= elements.models
@@ -140,15 +145,19 @@ def modes(
         fields = elements.vibration
         axes |= _axes_of(fields)
         warnings += _warnings_of(asked, mesh)
+        notes += [f"mode {number}: {words}" for number, words in enumerate(fields.words, start=1)]
         if fields.reduced is not None:
             notes.append(fields.reduced.truncation_note)
+        alike = {name: fields.likeness(by) for name, by in analytic.items()}
+    rows = side_by_side(found, lowest_modes(found, count), count, alike)
+    axes["mode"] = [*axes["mode"], *rows.alone]
     return setup.result_of(
         NaturalModes,
         answers.about(stage) if asked.drive is None else answers.about_driven(stage),
-        in_order(found, lowest_modes(found, count), count),
+        in_rows(found, rows),
         mesh,
         {"drives": drives, "payload": _described(carried)},
-        values,
+        _with_rows(values, len(rows.alone)),
         axes,
         warnings=warnings,
         notes=notes,
@@ -163,6 +172,16 @@ def _by_elements(
     if mesh.layers:
         return in_depth(asked, mesh, progress)
     return in_plane(asked, mesh, ratio, progress)
+
+
+def _with_rows(values: Mapping[str, Any], more: int) -> dict[str, Any]:
+    """Return values by mode with more rows, of modes that finite elements do not have."""
+    found = dict(values)
+    for name, quantity in NaturalModes.quantities.items():
+        if name in found and quantity.over[:1] == ("mode",):
+            known = np.asarray(found[name])
+            found[name] = np.concatenate([known, np.full((more, *known.shape[1:]), np.nan)])
+    return found
 
 
 def _masses(asked: VibratingStage) -> dict[str, Any]:

@@ -10,24 +10,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.network import with_springs
+from flexfem.analytic.network import Dynamics, with_springs
 from flexfem.arrays import Array, Index
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import PlaneMesh
+from flexfem.fem.mesh import BODIES_OF_SECTOR, SECTORS, PlaneMesh
 from flexfem.fem.modes import Modes, VibratingStructure, sector_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.layout import ActuatorSet, Payload
 from flexfem.paper import answers, bodies
+from flexfem.paper.contacts import LINKS, PLATFORM
 from flexfem.paper.fields import stack_loads
 from flexfem.paper.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.paper.reduced import DynamicModel, reduced_model
-from flexfem.paper.responses import dynamics
+from flexfem.paper.responses import MOVING, dynamics
 from flexfem.paper.solutions import sectors_of
 from flexfem.paper.stage import Stage
 from flexfem.paper.stage_mesh import build_mesh, layers_of, plate_of, sheet_of
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence
-from flexfem.questions.mode_order import lowest_modes
+from flexfem.questions.mode_order import likeness, lowest_modes
+from flexfem.questions.mode_shapes import motions_of_parts, rigid_fields, what_moves
 from flexfem.questions.plates import Values
 from flexfem.questions.setup import Mesh, ModelAnswer
 from flexfem.results import SHEET, Progress
@@ -37,6 +39,15 @@ ROUND_OFF = 1e-9  # of a frequency
 AGREED = 0.1  # relative difference up to which the observed order agrees with the theoretical one
 # least overlap of identical shapes: any rotation within a pair of equal frequency keeps as much
 SAME_SHAPE = 0.7
+# moving bodies in the order of `dynamics`, with the numbers of their triangles
+TRIANGLES = (
+    tuple(BODIES_OF_SECTOR * sector + PLATFORM for sector in range(SECTORS)),
+    *((BODIES_OF_SECTOR * sector + link,) for sector in range(SECTORS) for link in LINKS),
+)
+NAMES = (
+    "platform (output)",
+    *(f"link {link} of chain {sector + 1}" for sector in range(SECTORS) for link in LINKS),
+)
 KILOGRAM = UNITS["kg"].factor
 INERTIA = UNITS["kg_mm2"].factor
 
@@ -53,6 +64,28 @@ class Vibration(NamedTuple):
     tilting: list[bool]
     heights: Array | None = None
     reduced: DynamicModel | None = None
+
+    @property
+    def at_mid_plane(self) -> Array:
+        """Displacements (k, n, 2), or of the mid-plane (k, n, 3), in all modes."""
+        if self.heights is None:
+            return self.shapes
+        return np.asarray(self.shapes[:, :, len(self.heights) // 2])
+
+    def likeness(self, of_model: Dynamics) -> Array:
+        """Return the likeness (m, k) of modes of an analytic model and those in the plane."""
+        motions = of_model.modes.motions
+        twists = motions.reshape(MOVING, 3, motions.shape[1])
+        planar = self.at_mid_plane[np.logical_not(self.tilting)]
+        return likeness(self.mesh, rigid_fields(self.mesh, TRIANGLES, twists), planar)
+
+    @property
+    def words(self) -> list[str]:
+        """What moves in every mode."""
+        return [
+            what_moves(motions_of_parts(self.mesh, TRIANGLES, NAMES, field))
+            for field in self.at_mid_plane
+        ]
 
     def write(self, path: Path) -> list[Path]:
         """Write the shapes as VTU, and matrices of the reduced dynamics as .npz and .mat; returns
@@ -105,30 +138,31 @@ def payload_of(
     return Payload(mass / KILOGRAM, inertia / INERTIA, tilting / INERTIA)
 
 
-def analytic_frequencies(asked: VibratingStage, warnings: list[str]) -> dict[str, Array]:
-    """Return frequencies (21,), rad/s, by the stage's rigid model, the best of its plane problem,
-    and the best of all.
+def analytic_dynamics(asked: VibratingStage, warnings: list[str]) -> dict[str, Dynamics]:
+    """Return the dynamics by the stage's rigid model, the best of its plane problem, and the best
+    of all.
 
-    Freedoms that a model lacks have inf. Reasons for replacing a model are added to `warnings`.
+    Freedoms that a model lacks have infinite frequencies. Reasons for replacing a model are added
+    to `warnings`.
     """
     stage = asked.stage
     best = best_model(stage, warnings)
     rigid = ModelChoice(stage, None, DEFAULT_FORMULA, False)
-    frequencies = dict[str, Array]()
+    found = dict[str, Dynamics]()
     for choice in (rigid, best._replace(stage=stage), best):
-        if choice.name not in frequencies:
-            frequencies[choice.name] = _frequencies(choice, asked)
-    return frequencies
+        if choice.name not in found:
+            found[choice.name] = _dynamics_by(choice, asked)
+    return found
 
 
-def _frequencies(choice: ModelChoice, asked: VibratingStage) -> Array:
-    """Return frequencies (21,), rad/s, by one analytic model."""
+def _dynamics_by(choice: ModelChoice, asked: VibratingStage) -> Dynamics:
+    """Return the dynamics by one analytic model, with an engaged drive or none."""
     at_rest = analyse(*choice)
     if asked.drive is None:
-        return dynamics(choice.stage, at_rest, asked.payload).frequencies
+        return dynamics(choice.stage, at_rest, asked.payload)
     model = dynamics(choice.stage, at_rest, asked.payload, asked.drive.stacks)
     driven = with_springs(model.compliance, asked.drive.stiffness)
-    return model._replace(compliance=driven).frequencies
+    return model._replace(compliance=driven)
 
 
 def vibrating(

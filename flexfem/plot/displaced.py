@@ -54,7 +54,8 @@ def modes_figure(found: MechanismModes) -> Figure:
     fields = _fields(found).made()
     model = found.axes["model"][-1]
     shapes = list[Shape]()
-    for mode, field in zip(found.axes["mode"], fields.values(), strict=True):
+    # the last rows may be modes of analytic models alone
+    for mode, field in zip(found.axes["mode"], fields.values(), strict=False):
         frequency = found.texts("frequency", mode=mode, model=model)[0]
         shapes.append(Shape([f"mode {mode}: {frequency}", _moving(found, mode)], field))
     lines = [

@@ -7,24 +7,43 @@ stress. Modes out of the plane are those of the whole plate in three dimensions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from flexfem import arguments
+from flexfem.analytic.network import NetworkModes
 from flexfem.analytic.plates import modes as network_modes
+from flexfem.analytic.plates import moving_bodies
 from flexfem.analytic.preloaded import modes as beam_modes
 from flexfem.arrays import AnyArray, Array, Index
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.fem.modes import Modes
 from flexfem.fem.ports import plate_modes
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import plates, preloaded
 from flexfem.questions.loads import AtPoints, stated_load
-from flexfem.questions.mode_order import in_order, lowest_modes, shares_of_motion
-from flexfem.questions.mode_shapes import unlike_models, what_moves
+from flexfem.questions.mode_order import (
+    LEAST_ALIKE,
+    NONE,
+    ModeRows,
+    in_rows,
+    likeness,
+    lowest_modes,
+    of_modes,
+    shares_of_motion,
+    side_by_side,
+)
+from flexfem.questions.mode_shapes import (
+    motions_by_twists,
+    motions_of_parts,
+    names_of_bodies,
+    network_fields,
+    what_moves,
+)
 from flexfem.questions.plates import ElasticParts, Thickened, Values
 from flexfem.questions.setup import (
     ELASTIC,
@@ -38,7 +57,17 @@ from flexfem.questions.setup import (
     options,
 )
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import COARSE_MESHES, MAGNITUDE, SOLID, Gate, Progress, Quantity, Result
+from flexfem.results import (
+    ANALYTIC,
+    COARSE_MESHES,
+    ELEMENTS,
+    MAGNITUDE,
+    SOLID,
+    Gate,
+    Progress,
+    Quantity,
+    Result,
+)
 from flexfem.units import UNITS
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
@@ -67,9 +96,10 @@ class MechanismModes(Result):
         "first moves along x if possible",
         "more modes out of the plane than the first are computed with `--solid`; a payload is a "
         "flat body at mid-plane",
+        "modes in one row have one shape: their modal assurance over the plate is above "
+        f"{LEAST_ALIKE:g}, for close frequencies that of their groups; others are alone in a row",
         "the mass of a hinge in the analytic models moves as in its static deflection between "
-        "its two bodies: modes in which leaf springs vibrate are missing, and the numbers of "
-        "higher modes differ from those of finite elements",
+        "its two bodies: they have no modes in which leaf springs vibrate",
     )
     frequency = Quantity(
         "natural frequency", "hz", ("mode", "model"), Gate(COARSE_MESHES.relative, MAGNITUDE)
@@ -173,6 +203,10 @@ def modes(
     def by_mesh(resolution: int, layers: int) -> ByMesh:
         return _by_mesh(asked, resolution, layers)
 
+    @cache
+    def by_network(elastic: bool) -> NetworkModes:
+        return _by_network(asked, plates.joined_parts(mechanism, elastic))
+
     def element_values(
         resolution: int,
         layers: int,
@@ -181,47 +215,34 @@ def modes(
         values = by_mesh(resolution, layers).values
         return values if thick is None else _thickened(asked, values, thick)
 
-    def by_network(elastic: bool) -> Values:
+    def network_values(elastic: bool) -> Values:
         if load is not None and elastic:
             return {"frequency": np.array([])}  # beams have rigid bodies
-        return {"frequency": _by_network(asked, plates.joined_parts(mechanism, elastic))}
+        return {"frequency": by_network(elastic).frequencies}
 
-    found = plates.by_models(mechanism, mesh, models, by_network, element_values, progress)
+    found = plates.by_models(mechanism, mesh, models, network_values, element_values, progress)
     if load is not None:
         found.pop(ELASTIC, None)
+    analytic = {name: by_network(name == ELASTIC) for name in (ANALYTIC, ELASTIC) if name in found}
+    shapes = _shapes_on(mesh, mechanism, by_mesh)
     order = lowest_modes(found, count)
-    lifted = order >= count
-    motion = dict[str, Array]()
-    fields = None
-    if mesh is not None:
-        motion = _motion(list(found.values())[-1].values["share"][order], lifted, mesh)
-        if not mesh.layers:
-            fields = _fields(asked, mesh.resolution, by_mesh(mesh.resolution, 0).modes, order)
+    rows = side_by_side(found, order, count, _alike(mechanism.layout, analytic, shapes))
     first = _first_out_of_plane(asked, mesh, found)
-    settings = dict[str, str]()
-    if mechanism.layout.actuators:
-        settings["actuators"] = drives
-    if load is not None:
-        settings["preload"] = preloaded.described(mechanism, load)
-    notes = list[str]()
+    notes = _what_moves(mechanism.layout, analytic, shapes, rows)
     if load is not None and SOLID in found:
-        notes.append(preloaded.IN_THREE_DIMENSIONS)
-    if fields is not None:
-        words = _shapes_in_words(mechanism.layout, fields, order)
-        notes += words
-        notes += unlike_models(words) if len(found) > 1 else []
+        notes.insert(0, preloaded.IN_THREE_DIMENSIONS)
     return answer(
         MechanismModes,
         mechanism,
-        in_order(found, order, count),
+        in_rows(found, rows),
         mesh,
-        settings,
-        {**motion, **first.values},
-        {"mode": _names(lifted, mesh is not None and mesh.layers > 0)},
+        _settings(asked, drives),
+        {**_motion(found, rows, mesh), **first.values},
+        {"mode": _names(order >= count, mesh) + rows.alone},
         first.bands,
         warnings=first.warnings,
         notes=notes,
-        fields=fields,
+        fields=_fields(shapes, order),
     )
 
 
@@ -239,10 +260,34 @@ class Vibrating(NamedTuple):
 
 
 class ByMesh(NamedTuple):
-    """Frequencies and shares of the output on one mesh, and the modes of a plane one."""
+    """Frequencies and shares of the output on one mesh, and displacements of its nodes.
+
+    planar : (k, n, 2), of modes in the plane, or of the mid-plane (k, n, 3) with layers.
+    lifted : (k, n, 3), with layers, of modes out of the plane.
+    """
 
     values: Values
-    modes: Modes | None
+    planar: Array
+    lifted: Array | None
+
+
+class ModeShapes(NamedTuple):
+    """ModeShapes of modes by finite elements, in the plane as of `ByMesh` and out of it.
+
+    flat : with layers, those of plane finite elements on the same mesh.
+    """
+
+    mesh: PlaneMesh
+    planar: Array
+    lifted: Array | None
+    flat: Array | None
+
+    def field(self, number: int, count: int) -> Array:
+        """Return the displacements of a mode; those from `count` on are out of the plane."""
+        if number < count:
+            return np.asarray(self.planar[number])
+        assert self.lifted is not None
+        return np.asarray(self.lifted[number - count])
 
 
 class OutOfPlane(NamedTuple):
@@ -260,10 +305,18 @@ def _is_engaged(mechanism: Mechanism, drives: Drives) -> bool:
     return drives == "engaged"
 
 
-def _by_network(asked: Vibrating, parts: ElasticParts) -> Array:
-    """Return frequencies (n,), rad/s, by the network of bodies and hinges, or of beams under a
-    load.
-    """
+def _settings(asked: Vibrating, drives: Drives) -> dict[str, str]:
+    """Return what is stated of the actuators and of the preload."""
+    found = dict[str, str]()
+    if asked.mechanism.layout.actuators:
+        found["actuators"] = drives
+    if asked.load is not None:
+        found["preload"] = preloaded.described(asked.mechanism, asked.load)
+    return found
+
+
+def _by_network(asked: Vibrating, parts: ElasticParts) -> NetworkModes:
+    """Return the modes of the network of bodies and hinges, or of beams under a load."""
     layout = asked.mechanism.layout
     if asked.load is not None:
         return beam_modes(layout, asked.load, asked.engaged, parts.hinges)
@@ -277,11 +330,83 @@ def _by_mesh(
 ) -> ByMesh:
     """Return the modes on one mesh: in the plane, with layers then those out of it."""
     in_plane = _modes_of(asked, resolution, layers, False)
-    parts = [_with_shares(asked, in_plane, False)]
-    if layers:
-        parts.append(_with_shares(asked, _modes_of(asked, resolution, layers, True), True))
-    values = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    return ByMesh(values, None if layers else in_plane.modes)
+    planar = _fields_of(in_plane.modes)
+    values = _with_shares(asked, in_plane, False)
+    if not layers:
+        return ByMesh(values, planar, None)
+    out_of_plane = _modes_of(asked, resolution, layers, True)
+    lifted = _with_shares(asked, out_of_plane, True)
+    both = {name: np.concatenate([values[name], lifted[name]]) for name in values}
+    return ByMesh(both, planar, _fields_of(out_of_plane.modes))
+
+
+def _fields_of(found: Modes) -> Array:
+    """Return displacements (k, n, 2 or 3) of the nodes in all modes, with layers at mid-plane."""
+    fields = [found.field(number) for number in range(len(found.frequencies))]
+    return np.array([field if field.ndim == 2 else field[:, 0] for field in fields])
+
+
+def _shapes_on(
+    mesh: Mesh | None,
+    mechanism: Mechanism,
+    by_mesh: Callable[[int, int], ByMesh],
+) -> ModeShapes | None:
+    """Return the shapes on the finest mesh, with layers those with one of them."""
+    if mesh is None:
+        return None
+    finest = by_mesh(mesh.resolution, min(mesh.layers, 1))
+    flat = by_mesh(mesh.resolution, 0).planar if mesh.layers else None
+    on = plates.meshed(mechanism, mesh.resolution)
+    return ModeShapes(on, finest.planar, finest.lifted, flat)
+
+
+def _alike(
+    layout: Layout,
+    analytic: Mapping[str, NetworkModes],
+    shapes: ModeShapes | None,
+) -> dict[str, Array]:
+    """Return the likeness (m, k) of modes of models and those in the plane by finite elements."""
+    if shapes is None:
+        return {}
+    found = dict[str, Array]()
+    for name, modes in analytic.items():
+        fields = network_fields(layout, shapes.mesh, _twists_of(layout, modes))
+        found[name] = likeness(shapes.mesh, fields, shapes.planar)
+    if shapes.flat is not None:
+        found[ELEMENTS] = likeness(shapes.mesh, shapes.flat, shapes.planar)
+    return found
+
+
+def _twists_of(layout: Layout, found: NetworkModes) -> Array:
+    """Return the twists (b, 3, modes) of the moving bodies at the origin."""
+    rows = 3 * len(moving_bodies(layout))
+    return found.motions[:rows].reshape(-1, 3, found.motions.shape[1])
+
+
+def _what_moves(
+    layout: Layout,
+    analytic: Mapping[str, NetworkModes],
+    shapes: ModeShapes | None,
+    rows: ModeRows,
+) -> list[str]:
+    """Return notes on what moves in the mode of every row."""
+    *others, last = rows.modes
+    count = len(rows.modes[last]) - len(rows.alone)
+    names = [*map(str, range(1, count + 1)), *rows.alone]
+    found = list[str]()
+    for row, name in enumerate(names):
+        number = int(rows.modes[last][row])
+        if number == NONE:
+            model = next(label for label in others if rows.modes[label][row] != NONE)
+            words = _by_twists(layout, analytic[model], int(rows.modes[model][row]))
+        elif shapes is not None:
+            words = _by_field(layout, shapes.mesh, shapes.field(number, count))
+        elif number < len(analytic[last].frequencies):
+            words = _by_twists(layout, analytic[last], number)
+        else:
+            break
+        found.append(f"mode {name}: {words}")
+    return found
 
 
 class PortModes(NamedTuple):
@@ -340,7 +465,9 @@ def _thickened(
     """
     frequencies = plane["frequency"]
     ratios = ratios_by_thickness(
-        frequencies, _by_network(asked, thick.plane), _by_network(asked, thick.solid)
+        frequencies,
+        _by_network(asked, thick.plane).frequencies,
+        _by_network(asked, thick.solid).frequencies,
     )
     nu = max(material.poissons_ratio for material in asked.mechanism.layout.materials)
     held = np.sqrt(1 / (1 - nu**2))  # of a leaf that vibrates in plane strain
@@ -368,20 +495,26 @@ def ratios_by_thickness(
 
 
 def _motion(
-    share: Array,
-    lifted: AnyArray,
-    mesh: Mesh,
+    found: Mapping[str, ModelAnswer],
+    rows: ModeRows,
+    mesh: Mesh | None,
 ) -> dict[str, Array]:
     """Return the shares (modes, 3) of the output in the plane and, with layers, out of it."""
-    values = {"share": np.where(lifted[:, None], np.nan, share)}
+    if mesh is None:
+        return {}
+    *_, last = found
+    order = rows.modes[last]
+    share = of_modes(found[last].values["share"], order)
+    lifted = (order >= len(order) - len(rows.alone))[:, None]
+    values = {"share": np.where(lifted, np.nan, share)}
     if mesh.layers:
-        values["tilt"] = np.where(lifted[:, None], share, np.nan)
+        values["tilt"] = np.where(lifted, share, np.nan)
     return values
 
 
-def _names(lifted: AnyArray, in_depth: bool) -> list[str]:
+def _names(lifted: AnyArray, mesh: Mesh | None) -> list[str]:
     """Return the names of modes, in three dimensions with the plane that they are in."""
-    if not in_depth:
+    if mesh is None or not mesh.layers:
         return [str(number + 1) for number in range(len(lifted))]
     return [
         f"{number} {'out of' if out else 'in'} the plane"
@@ -389,33 +522,43 @@ def _names(lifted: AnyArray, in_depth: bool) -> list[str]:
     ]
 
 
-def _fields(
-    asked: Vibrating,
-    resolution: int,
-    found: Modes | None,
-    order: Index,
-) -> MeshFields:
+def _fields(shapes: ModeShapes | None, order: Index) -> MeshFields | None:
     """Return the shapes of plane modes, in the order of the table, on their mesh."""
-    assert found is not None
-    shapes = found
+    if shapes is None or shapes.lifted is not None:
+        return None
+    planar = shapes.planar
 
     def made() -> dict[str, Array]:
-        return {f"mode {k}": shapes.field(number) for k, number in enumerate(order.tolist(), 1)}
+        return {f"mode {k}": planar[number] for k, number in enumerate(order.tolist(), 1)}
 
-    return MeshFields(plates.meshed(asked.mechanism, resolution), made)
+    return MeshFields(shapes.mesh, made)
 
 
-def _shapes_in_words(
+def _by_field(
     layout: Layout,
-    fields: MeshFields,
-    order: Index,
-) -> list[str]:
-    """Return notes on what moves in every mode of plane finite elements, in an order."""
-    shapes = list(fields.made().values())
-    return [
-        f"mode {number}: {what_moves(layout, fields.mesh, shapes[k])}"
-        for number, k in enumerate(order.tolist(), start=1)
+    mesh: PlaneMesh,
+    field: Array,
+) -> str:
+    """Return what moves in a mode of finite elements."""
+    names = [*names_of_bodies(layout), *(joint.name for joint in layout.joints)]
+    motions = motions_of_parts(mesh, [(number,) for number in range(len(names))], names, field)
+    first = len(layout.bodies)
+    moving = [
+        motion
+        for motion, body in zip(motions[:first], layout.bodies, strict=True)
+        if not body.fixed
     ]
+    return what_moves(moving, motions[first:])
+
+
+def _by_twists(
+    layout: Layout,
+    found: NetworkModes,
+    number: int,
+) -> str:
+    """Return what moves in a mode of an analytic model."""
+    twists = _twists_of(layout, found)[:, :, number]
+    return what_moves(motions_by_twists(layout, twists))
 
 
 def _first_out_of_plane(

@@ -113,7 +113,7 @@ def test_the_mass_of_a_body_is_that_of_its_material():
         of_elements = ports.plate_modes(
             ports.plate_model(layout, mesh_layout(layout, 1)), 1
         ).frequencies[0]
-        frequencies.append((modes(layout)[0], of_elements))
+        frequencies.append((modes(layout).frequencies[0], of_elements))
     assert np.divide(*frequencies) == pytest.approx([2, 2], rel=1e-6)
     _, mass = inertia(strip(SOFT, HARD), lumped=True)
     assert mass[0, 0] == pytest.approx(B * H * (30 * 7.8e-9 + 5 * 1.1e-9), rel=DENSE)

@@ -57,7 +57,7 @@ def figures(found: NaturalModes) -> dict[str, Any]:
     by_suffix: dict[str, Any] = {"": modes_figure(found)}
     if (model := _fields(found).reduced) is not None:
         by_suffix["-response"] = lambda stored: write_beside(stored, response_figure(model, found))
-        for number in range(1, len(found.axes["mode"]) + 1):
+        for number in range(1, len(_fields(found).shapes) + 1):
             by_suffix[f"-{number}"] = partial(write_animation, found, number)
     return by_suffix
 
@@ -65,7 +65,7 @@ def figures(found: NaturalModes) -> dict[str, Any]:
 @style.in_house_style
 def modes_figure(found: NaturalModes) -> Figure:
     """Draw all modes, each with its frequency, its band and its largest effective mass."""
-    count = len(found.axes["mode"])
+    count = len(_fields(found).shapes)
     columns = min(3, count)
     rows = -(-count // columns)
     title = f"{found.about.name}: natural modes"
@@ -130,7 +130,7 @@ def plot_mode(
     mid-plane is drawn: its displacement in the plane, or contours of w, its deflection. Raises
     BadInput for a mode that does not exist."""
     fields = _fields(found)
-    count = len(found.axes["mode"])
+    count = len(_fields(found).shapes)
     if not 1 <= number <= count:
         raise BadInput(f"mode {printed(number)}, expected 1 to {count}")
     ax = ax or new_axes()
