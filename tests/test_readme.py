@@ -71,19 +71,19 @@ def require_row(figure, command, model, cells, round_off):
 
 
 def test_the_tables_of_errors_are_what_verify_printed():
-    rows = table("| figure | command | model | X | Y | theta |")
+    rows = table("| figure | command | model | x | y | theta |")
     assert [figure for figure, *_ in rows] == list("556677")
     for figure, command, model, *cells in rows:
         require_row(f"fig{figure}", command, model, cells, ROUND_OFF)
-    rows = table("| joints commanded | model | X | Y | theta |")
-    assert [command for command, *_ in rows] == ["X", "X", "theta", "theta"]
+    rows = table("| joints commanded | model | x | y | theta |")
+    assert [command for command, *_ in rows] == ["x", "x", "theta", "theta"]
     for command, model, *cells in rows:
         require_row(f"joints-{command.lower()}", command, model, cells, JOINTS_ROUND_OFF)
 
 
 def test_the_table_of_shares_is_what_budget_printed():
     numbers = accepted("mobility6")["budget"]
-    rows = table("| share | X | Y | theta |")
+    rows = table("| share | x | y | theta |")
     outside = [f"outside it: {what}" for what in ("hinges by the chart", "three dimensions")]
     assert [row[0] for row in rows] == [*SHARES, "total", *outside, "total in three dimensions"]
     rows = rows[:-2]  # measured by a slow test of tests/verify/test_solid.py
@@ -95,7 +95,7 @@ def test_the_table_of_shares_is_what_budget_printed():
         require_shown([outside], [numbers[f"solid.{CHART.replace(' ', '_')}.{axis}"][0]])
     other = accepted("mobility3")["budget"]
     require_shown(
-        prose("they are N, N, N, N, N in X"),
+        prose("they are N, N, N, N, N in x"),
         [other[f"share.{share.replace(' ', '_')}.x"][0] for share in SHARES],
     )
 

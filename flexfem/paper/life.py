@@ -56,7 +56,7 @@ class StageLife(WithLaw, Result):
     most = Quantity("most cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))
     safety = Quantity("yield strength over the highest stress", "", ("model",), STRESS)
     factor = Quantity("factor on the amplitude for the wanted life", "", ("model",), STRESS)
-    peak_at_largest = Quantity("highest stress at that amplitude", "mpa", ("model",), STRESS)
+    peak_at_largest = Quantity("highest stress for the wanted life", "mpa", ("model",), STRESS)
     equivalent = Quantity("equivalent fully reversed stress", "mpa", NECK, STRESS, "all")
     peak = Quantity("largest magnitude of the stress", "mpa", NECK, STRESS, "all")
     amplitude = Quantity("amplitude of the stress", "mpa", NECK, STRESS, "all", shown=False)

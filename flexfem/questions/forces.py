@@ -52,7 +52,7 @@ class Forces(Result):
     )
     load = Quantity("stated loads", "wrench", ("point", "direction"), detail=True)
     force = Quantity(
-        "force and moment through",
+        "force and moment through hinges and sections",
         ("n", "n", "n_mm"),
         ("section", "model", "resultant"),
         COARSE_MESHES,

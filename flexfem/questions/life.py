@@ -163,7 +163,7 @@ class Life(WithLaw, Result):
     life = Quantity("cycles until the first neck fails", "", ("model",), Gate(0.05, MAGNITUDE))
     safety = Quantity("yield strength over the highest stress", "", ("model",), PEAK)
     factor = Quantity("factor on the amplitude for the wanted life", "", ("model",), PEAK)
-    peak_at_largest = Quantity("highest stress at that amplitude", "mpa", ("model",), PEAK)
+    peak_at_largest = Quantity("highest stress for the wanted life", "mpa", ("model",), PEAK)
     equivalent = Quantity("equivalent fully reversed stress", "mpa", HINGES, PEAK, "all")
     peak = Quantity("largest magnitude of the stress", "mpa", HINGES, PEAK, "all")
     amplitude = Quantity("amplitude of the stress", "mpa", HINGES, PEAK, "all", shown=False)
@@ -438,8 +438,8 @@ def _beyond_linear(changes: finite.Changes, mesh: setup.Mesh | None) -> list[str
     texts = changes.warnings(AT_THE_ENDS, mesh)
     if any(abs(one.stress) > finite.WORTH_A_WARNING for one in changes.each):
         texts.append(
-            "the stress is not proportional to the amplitude, from which the amplitude for the "
-            "wanted life is scaled: ask again with the latter as --amplitude"
+            "the amplitude for the wanted life is scaled as if the stress were proportional to the "
+            "amplitude, which it is not: ask again with that amplitude"
         )
     return texts
 

@@ -300,7 +300,7 @@ class Tables:
         found = list[str]()
         for a, b in zip(first, last, strict=True):
             is_known = np.isfinite(values[a]) and abs(values[b]) > max(FLOOR * sizes[b], bands[b])
-            found.append(f"{100 * (values[a] / values[b] - 1):+.2f}" if is_known else "")
+            found.append(f"{100 * (values[a] / values[b] - 1):+z.2f}" if is_known else "")
         return found
 
     def answer(self) -> str:
