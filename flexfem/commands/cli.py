@@ -164,7 +164,10 @@ app.add_typer(study, name="study")
 @app.command()
 def design(
     requirements: Annotated[
-        Path, typer.Argument(help="See flexfem schema requirements.", metavar="FILE")
+        Path,
+        typer.Argument(
+            help="Requirements, whose keys flexfem schema requirements explains.", metavar="FILE"
+        ),
     ],
     output: OutputFolder = None,
     workers: Annotated[

@@ -81,8 +81,8 @@ class Material(Table):
     fatigue_strength_coefficient: quantities.Strength | None = Field(
         default=None, alias="fatigue_strength_coefficient_mpa", examples=[900.0]
     )
-    """sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, for unnotched specimens at zero mean
-    stress. Only lives use it: `flexfem life`, and studies with `[life]` """
+    """sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, for smooth, polished specimens at zero
+    mean stress (R = -1). Only lives use it: `flexfem life`, and studies with `[life]` """
     fatigue_strength_exponent: quantities.Exponent | None = Field(default=None, examples=[-0.102])
     """Exponent b of Basquin's law"""
     walker_exponent: quantities.Walker | None = Field(default=None, examples=[0.5])
@@ -188,7 +188,7 @@ FATIGUE = (
 KEYS = tuple(Material.model_fields[name].alias or name for name in NUMBERS)  # in files
 _FILE = {
     "type": "string",
-    "description": "Name of a TOML file next to the stage file that defines a material of this name",
+    "description": "Name of a TOML file next to this file that defines a material of this name",
     "examples": ["my-materials.toml"],
 }
 

@@ -27,6 +27,7 @@ UNKNOWN = "not known"
 STIFF = "stiff: not compared"
 MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to stop or start it."
 HEAD = ["", "x", "y", "θ"]
+OTHERS = "Other directions: the two along which the output is not driven, held at zero or free."
 
 
 class KeyResults(NamedTuple):

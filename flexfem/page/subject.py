@@ -15,7 +15,14 @@ from flexfem.mechanism.content import naming_place
 from flexfem.mechanism.expansion import require_expansion
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.page.handle import handled_drawing
-from flexfem.page.key import KeyResults, errors_driven, first_frequencies, opened, rows_at_rest
+from flexfem.page.key import (
+    OTHERS,
+    KeyResults,
+    errors_driven,
+    first_frequencies,
+    opened,
+    rows_at_rest,
+)
 from flexfem.page.section import (
     PageSection,
     Part,
@@ -298,7 +305,7 @@ class MechanismPage:
             if label == SOLID:
                 solved = "finite elements in three dimensions"
             caption = f"Key results by {solved}. ±: numerical uncertainty."
-        return opened(drawing, key, caption)
+        return opened(drawing, key, f"{caption} {OTHERS}")
 
     def _at_rest(self) -> Any:
         """Return the answer of `stiffness` of the key results, which is computed once."""

@@ -47,7 +47,7 @@ class StageReach(Result):
     )
     load = Quantity("load on the platform", "wrench", ("direction",), shown=False)
     ends = Quantity(
-        "ends of the ranges, other directions zero or free",
+        "ends of the motion by the actuators, other directions zero or free",
         "motion",
         ("others", "end", "model", "direction"),
         NEW_MESH,

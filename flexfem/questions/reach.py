@@ -35,7 +35,7 @@ class Reach(Result):
         "analytic, elastic bodies: linear theory; other models: at finite displacement",
     )
     ends = Quantity(
-        "ends of the ranges, other directions zero or free",
+        "ends of the motion by the actuators, other directions zero or free",
         "motion",
         ("others", "end", "model", "direction"),
         ON_MESHES,
