@@ -150,7 +150,6 @@ def clearest(
     reaches: Array,
     obstacles: list[Any],
     most: float,
-    window: Any = None,
 ) -> tuple[complex, Any]:
     """Return the clearest place of a text about an anchor, and the box of the text there.
 
@@ -165,16 +164,12 @@ def clearest(
     obstacles : list of shapely geometries
     most : float
         Distance from the obstacles, mm, beyond which a place is no clearer.
-    window : shapely polygon, optional
-        Area that contains the box, where one of the places allows it.
     """
     places = np.asarray(anchor + np.outer(reaches, DIRECTIONS)).ravel()
     low = places - half
     high = places + half
     boxes = shapely.box(low.real, low.imag, high.real, high.imag)
     clearance = np.minimum(shapely.distance(boxes, shapely.GeometryCollection(obstacles)), most)
-    if window is not None:
-        clearance = np.where(shapely.covers(window, boxes), clearance, -1.0)
     best = int(np.argmax(np.round(clearance, 9)))
     return complex(places[best]), boxes[best]
 

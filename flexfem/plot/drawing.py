@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
+from matplotlib.text import Text
 
 from flexfem.arrays import Array
-from flexfem.mechanism.dimensions import clearest
-from flexfem.plot.style import INK, LETTER, NOTE_COLOUR, wrapped
+from flexfem.plot.style import INK, NOTE_COLOUR, wrapped
 from flexfem.plot.text import round_factor
 from flexfem.refused import BadInput
 from flexfem.results import SPACE
@@ -22,9 +22,6 @@ Point = Sequence[float] | Array
 DIMENSION = "#00664A"
 CLASH = "#D00000"
 WHITE_BOX = {"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"}
-LINE_HEIGHT = 1.2  # of a text over its font size
-LABEL_REACHES = np.array([1.0, 1.35, 1.7, 2.0, 2.5])  # of a label over its nearest distance
-LABEL_CLEARANCE = 0.6  # beyond which a place is no clearer, over that distance
 
 
 def arrow(
@@ -52,8 +49,8 @@ def arrow(
 
 def write(
     axes: Axes, at: Point, text: str, colour: str = INK, size: float = 9.0, **style: Any
-) -> None:
-    """Write a text centred at a point, in data coordinates."""
+) -> Text:
+    """Write a text centred at a point, in data coordinates; return it."""
     look: dict[str, Any] = {
         "ha": "center",
         "va": "center",
@@ -61,63 +58,33 @@ def write(
         "color": colour,
         "zorder": 8,
     } | style
-    axes.text(float(at[0]), float(at[1]), text, **look)
+    return axes.text(float(at[0]), float(at[1]), text, **look)
 
 
-def place_label(
-    axes: Axes, anchor: Array, text: str, obstacles: list[Any], distance: float, **style: Any
-) -> Array:
-    """Write a text near an anchor, where its clearance from obstacles is largest.
-
-    Appends its box to `obstacles`; returns its centre (2,).
-
-    Parameters
-    ----------
-    axes : the drawing, whose size and limits are final.
-    anchor : (2,) what the text is about, in data coordinates.
-    text : may have several lines, and formulas between dollar signs.
-    obstacles : shapely geometries.
-    distance : least distance from the anchor; up to 2.5 times it is tried.
-    **style : as of `write`.
-    """
-    half = _half_size(axes, text, style.get("size", 9.0))
-    limits = [axes.get_xlim(), axes.get_ylim()]
-    window = shapely.box(*np.transpose(limits).ravel())
-    enough = LABEL_CLEARANCE * distance
-    reaches = distance * LABEL_REACHES
-    place, box = clearest(complex(*anchor), complex(*half), reaches, obstacles, enough, window)
-    obstacles.append(box)
-    write(axes, xy(place), text, **style)
-    return np.array(xy(place))
-
-
-def _half_size(
-    axes: Axes,
-    text: str,
-    points: float,
-) -> Array:
-    """Return half the width and half the height of a text in data coordinates, by its letters."""
-    lines = text.replace(r"\varphi", "m").replace("$", "").split("\n")
-    spans = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1)
-    pixels = np.array(axes.get_window_extent().size)
-    inch = axes.figure.dpi * float(np.max(spans / pixels))
-    letters = LETTER["normal"] * max(map(len, lines))
-    return np.asarray(points / 144 * inch * np.array([letters, LINE_HEIGHT * len(lines)]))
+def text_box(text: Text) -> Any:
+    """Return the box of a text in a drawing as a polygon."""
+    assert text.axes is not None
+    corners = text.get_window_extent().corners()
+    low, _, _, high = text.axes.transData.inverted().transform(corners)
+    return shapely.box(*low, *high)
 
 
 def frame_cross(
     axes: Axes,
     length: float,
     at: complex = 0j,
-) -> None:
-    """Draw the x and y axes of the platform or output at a point."""
+) -> list[Any]:
+    """Draw the x and y axes of the platform or output at a point; return their lines and names."""
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
     look |= {"color": NOTE_COLOUR, "size": 9.0, "zorder": 8}
     directions = {"x": (1, (0.0, -9.0)), "y": (1j, (-9.0, 0.0))}
+    drawn = list[Any]()
     for name, (direction, offset) in directions.items():
         tip = xy(at + length * direction)
         arrow(axes, xy(at), tip, colour=NOTE_COLOUR, width=1.2)
-        axes.annotate(name, tip, offset, **look)
+        drawn.append(shapely.LineString([xy(at), tip]))
+        drawn.append(text_box(axes.annotate(name, tip, offset, **look)))
+    return drawn
 
 
 def fit(

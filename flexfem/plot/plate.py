@@ -27,12 +27,13 @@ from flexfem.plot.drawing import (
     fit,
     frame_cross,
     label_axes,
-    place_label,
     scale_bar,
+    text_box,
     write,
     xy,
 )
 from flexfem.plot.fields import RIGID, displaced, plane_fields
+from flexfem.plot.labels import Drawn, PartLabel, write_labels
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, in_house_style, new_axes, page
 from flexfem.plot.text import minus, significant
 from flexfem.questions.setup import MeshFields
@@ -51,24 +52,14 @@ ALONG_EDGE = np.linspace(0, 1, 33)  # points of a clamped edge, per length
 COARSE = 2e-4  # deviation of a drawn polygon, per extent
 CROSS = 0.07  # length of the axes at the output relative to the size
 MOST_MISSING = 4  # in the header of an unfinished drawing
-MANY = 40  # labels above which they are small
+ALONG_SPAN = (0.5, 0.4, 0.6, 0.3, 0.7)  # places of a length on its line
+ARROW_WIDTH = 0.006  # half of that of an actuator relative to the size
+LETTERS = 8.0  # points, of labels
 WIDTH = 8.27  # in, of a page
 LOWEST = 3.0  # in, of the drawing on a page of that width
 HIGHEST = 9.0  # in, of a drawing
 SMALLEST = 5.2  # in, width of a small drawing
 LABEL_AREA = 1.5  # in^2, area of a small drawing for each label
-
-
-class Mark(NamedTuple):
-    """A label of a drawing: its text, the point (2,) that it belongs to, its colour, and its body.
-
-    body : polygon of a body, whose name needs no line to it.
-    """
-
-    text: str
-    at: Array
-    colour: str
-    body: Any = None
 
 
 class Recognised(NamedTuple):
@@ -119,14 +110,14 @@ def plot_plate(
     label_axes(ax)
     if not labels:
         return ax
-    obstacles: list[Any] = [plate_polygon(drawn).boundary]
-    _draw_ports(ax, drawn, size, obstacles)
-    _draw_spans(ax, spans, obstacles)
+    shape = plate_polygon(drawn)
+    marks = [*_draw_ports(ax, drawn, size), *_draw_spans(ax, spans, shape.boundary)]
+    marks += [joint_polygon(joint) for joint in drawn.joints]
     if shows_sizes:
-        marks = [Mark(text, np.array(xy(z)), DIMENSION) for text, z in plate.callouts(drawn)]
+        names = [_label(text, xy(z), DIMENSION) for text, z in plate.callouts(drawn)]
     else:
-        marks = list(_marks(drawn, recognised))
-    _write_marks(ax, marks, size, obstacles)
+        names = list(_names(drawn, recognised))
+    write_labels(ax, names, Drawn([shape.boundary], marks, shape))
     return ax
 
 
@@ -207,9 +198,9 @@ def _draw_disc(ax: Axes, disc: Disc) -> None:
 def _draw_spans(
     ax: Axes,
     spans: Sequence[Span],
-    obstacles: list[Any],
-) -> None:
-    """Draw dimension lines with their texts; append what labels must avoid."""
+    outline: Any,
+) -> Iterator[Any]:
+    """Draw dimension lines with their texts; yield what labels must not cover."""
     for span in spans:
         start, end = span.line
         arrow(ax, xy(start), xy(end), "<|-|>", DIMENSION, 0.8)
@@ -220,57 +211,61 @@ def _draw_spans(
                 linewidth=0.5,
                 zorder=6,
             )
-        middle = xy((start + end) / 2)
-        turn = float(np.rad2deg(np.angle(end - start)))
-        write(ax, middle, span.text, DIMENSION, 8.0, rotation=turn, bbox=WHITE_BOX)
-        obstacles.append(shapely.LineString([xy(start), xy(end)]))
+        yield shapely.LineString([xy(start), xy(end)])
+        yield _write_span(ax, span, outline)
 
 
-def _marks(layout: Layout, recognised: Recognised | None = None) -> Iterator[Mark]:
-    """Yield the labels of the parts, those with the least freedom of place first."""
+def _write_span(ax: Axes, span: Span, outline: Any) -> Any:
+    """Write a length on its dimension line, in the middle or clear of the outline; return its box."""
+    start, end = span.line
+    turn = float(np.rad2deg(np.angle(end - start)))
+    look: dict[str, Any] = {"rotation": turn, "bbox": WHITE_BOX}
+    text = write(ax, xy(start), span.text, DIMENSION, LETTERS, **look)
+    boxes = dict[float, Any]()
+    for share in ALONG_SPAN:
+        text.set_position(xy(start + share * (end - start)))
+        boxes[share] = text_box(text)
+    clear = [share for share, box in boxes.items() if not box.intersects(outline)]
+    share = [*clear, ALONG_SPAN[0]][0]
+    text.set_position(xy(start + share * (end - start)))
+    return boxes[share]
+
+
+def _names(layout: Layout, recognised: Recognised | None = None) -> Iterator[PartLabel]:
+    """Yield the labels of the parts."""
     for joint in layout.joints:
         text = _named(joint)
         if recognised is not None and text in recognised.hinges:
             text = f"{text}: {joint.profile.neck:.6g} x {joint.profile.length:.6g}"
-        yield Mark(text, np.array(xy(joint.place)), HINGE)
+        yield _label(text, xy(joint.place), HINGE)
     for actuator in layout.actuators:
         near, far = (contact.point for contact in actuator.contacts)
-        yield Mark(actuator.name, np.array(xy((near + far) / 2)), DRIVE)
+        yield _label(actuator.name, xy((near + far) / 2), DRIVE)
     for name, contact in layout.points:
-        yield Mark(name, np.array(xy(contact.point)), NOTE_COLOUR)
+        yield _label(name, xy(contact.point), NOTE_COLOUR)
     for payload in layout.payloads:
-        yield Mark(f"payload {1e6 * payload.mass:.6g} g", np.array(xy(payload.contact.point)), MASS)
+        yield _label(f"payload {1e6 * payload.mass:.6g} g", xy(payload.contact.point), MASS)
     for number, body in enumerate(layout.bodies):
         polygon = body_polygon(layout, number, refuse=False)
         inside = shapely.get_coordinates(shapely.point_on_surface(polygon))[0]
-        yield Mark(_named(body), inside, BODY_NAME, polygon)
+        yield _label(_named(body), inside, BODY_NAME, polygon)
+
+
+def _label(
+    text: str,
+    at: Any,
+    colour: str,
+    body: Any = None,
+) -> PartLabel:
+    """Return a label; names of bodies are italic."""
+    slant = "normal" if body is None else "italic"
+    look = {"colour": colour, "size": LETTERS, "style": slant}
+    return PartLabel(text, np.array(at), look, body)
 
 
 def _named(part: Body | Joint) -> str:
     """Return the name of a part, and of its material if it has its own."""
     return part.name if part.material is None else f"{part.name} ({part.material.name})"
-
-
-def _write_marks(
-    ax: Axes,
-    marks: Sequence[Mark],
-    size: float,
-    obstacles: list[Any],
-) -> None:
-    """Write labels clear of obstacles, with lines to their points; names of bodies are italic."""
-    obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
-    letters = 7.0 if len(marks) > MANY else 8.0
-    for mark in marks:
-        look = {"colour": mark.colour, "size": letters, "bbox": WHITE_BOX}
-        slant = "normal" if mark.body is None else "italic"
-        near = place_label(ax, mark.at, mark.text, obstacles, 0.035 * size, style=slant, **look)
-        if mark.body is None or not shapely.contains_xy(mark.body, *near):
-            ax.plot(
-                *np.transpose([mark.at, near]),
-                color=mark.colour,
-                linewidth=0.5,
-                zorder=6,
-            )
 
 
 def _draw_recognised(ax: Axes, recognised: Recognised) -> None:
@@ -285,9 +280,8 @@ def _draw_ports(
     ax: Axes,
     layout: Layout,
     size: float,
-    obstacles: list[Any],
-) -> None:
-    """Draw hinge centres, points, actuators and payloads; append what labels must avoid."""
+) -> Iterator[Any]:
+    """Draw hinge centres, points, actuators and payloads; yield what labels must not cover."""
     for joint in layout.joints:
         ax.plot(
             *xy(joint.place),
@@ -298,26 +292,26 @@ def _draw_ports(
             zorder=5,
         )
     for actuator in layout.actuators:
-        _draw_actuator(ax, actuator, size, obstacles)
+        yield _draw_actuator(ax, actuator, size)
     for payload in layout.payloads:
-        _draw_payload(ax, xy(payload.contact.point), 0.018 * size)
+        yield _draw_payload(ax, xy(payload.contact.point), 0.018 * size)
     for _, contact in layout.points[1:]:
         look: dict[str, Any] = {"color": NOTE_COLOUR, "markersize": 9, "markeredgewidth": 1.5}
         ax.plot(*xy(contact.point), "+", zorder=6, **look)
     for _, contact in layout.points[:1]:  # an unfinished file has none
         output = contact.point
-        frame_cross(ax, CROSS * size, output)
-        corner = [xy(output + 0.09j * size), xy(output), xy(output + 0.09 * size)]
-        obstacles.append(shapely.LineString(corner))
+        yield from frame_cross(ax, CROSS * size, output)
 
 
 def _draw_actuator(
     ax: Axes,
     actuator: LinearActuator,
     size: float,
-    obstacles: list[Any],
-) -> None:
-    """Draw an actuator as an arrow with two heads, and a wall where it stands on the ground."""
+) -> Any:
+    """Draw an actuator as an arrow with two heads, and a wall where it stands on the ground.
+
+    Returns its line.
+    """
     near, far = (contact.point for contact in actuator.contacts)
     half = max(abs(far - near), 0.03 * size) / 2 * actuator.direction
     tips = [(near + far) / 2 - half, (near + far) / 2 + half]
@@ -332,15 +326,15 @@ def _draw_actuator(
                 linewidth=2.8,
                 zorder=6,
             )
-    obstacles.append(shapely.LineString([xy(tip) for tip in tips]))
+    return shapely.LineString([xy(tip) for tip in tips]).buffer(ARROW_WIDTH * size)
 
 
 def _draw_payload(
     ax: Axes,
     at: tuple[float, float],
     radius: float,
-) -> None:
-    """Draw the symbol of a centre of mass."""
+) -> Any:
+    """Draw the symbol of a centre of mass; return its disc."""
     ax.add_patch(
         Circle(
             at,
@@ -353,6 +347,7 @@ def _draw_payload(
     )
     for first in (0, 180):
         ax.add_patch(Wedge(at, radius, first, first + 90, facecolor=MASS, zorder=5.1))
+    return shapely.Point(at).buffer(radius)
 
 
 def _fill(
@@ -412,7 +407,7 @@ def drawing_figure(
     lines = [f"{text[:1].upper()}{text[1:]}." for text in (data, key) if text]
     labels = None
     if small:
-        labels = len([*_marks(drawn)]) if facts.named else 0
+        labels = len([*_names(drawn)]) if facts.named else 0
     size = _size_of_page(drawn, labels)
     plot = partial(
         plot_plate,

@@ -19,7 +19,8 @@ from flexfem.paper.drives import drive_of
 from flexfem.paper.frames import CHAIN_TURN
 from flexfem.paper.stage import Stage
 from flexfem.plot import style
-from flexfem.plot.drawing import fit, label_axes, place_label
+from flexfem.plot.drawing import fit, label_axes
+from flexfem.plot.labels import Drawn, PartLabel, write_labels
 from flexfem.plot.plate import draw_plate
 from flexfem.plot.style import COLOURS, GREY, INK, NOTE_COLOUR, PALE, titled
 from flexfem.plot.text import minus, round_factor, significant
@@ -38,6 +39,7 @@ STROKE_SIGNS = (  # label, colour and hatch of a stack by the sign of its stroke
     ("no stroke", "white", "", 0.0),
 )
 MOVED = "#007A58"
+NUMBERS = 7.0  # points, of the numbers of stacks
 VISIBLE = 0.06  # largest drawn displacement of the platform over the size of the stage
 
 
@@ -172,7 +174,7 @@ def plot_drive(
     width = stage.chain.link_width
     boxes = np.array([_box(*end, width) for end in zip(contacts, along, strict=True)])
     rim = draw_plate(ax, stage)
-    size = fit(ax, np.concatenate([rim, *boxes]), 0.22)
+    fit(ax, np.concatenate([rim, *boxes]), 0.22)
     _draw_stacks(ax, boxes, stroke)
     ax.plot(
         *(contacts - BALL / 2 * width * along).T,
@@ -186,9 +188,11 @@ def plot_drive(
     _draw_forces(ax, contacts, width * along, force)
     if np.any(found.pose):
         _draw_moved_platform(ax, found)
-    obstacles: list[Any] = [shapely.LinearRing(rim), *map(shapely.Polygon, boxes)]
-    for k, box in enumerate(boxes):
-        _number_stack(ax, f"{k + 1}", box.mean(axis=0), obstacles, 0.06 * size)
+    frame = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": GREY}
+    look = {"size": NUMBERS, "bbox": frame | {"linewidth": 0.5}}
+    numbers = [PartLabel(f"{k + 1}", box.mean(axis=0), look) for k, box in enumerate(boxes)]
+    outlines = [plate_polygon(stage.layout).boundary]
+    write_labels(ax, numbers, Drawn(outlines, list(map(shapely.Polygon, boxes))))
     label_axes(ax)
     return ax
 
@@ -266,20 +270,6 @@ def _draw_moved_platform(ax: Axes, found: StageDrive) -> None:
     look: dict[str, Any] = {"colors": MOVED, "linewidths": 1.4, "linestyles": "dashed"}
     outline = LineCollection(moved, zorder=5, label="platform at the pose", **look)
     ax.add_collection(outline, autolim=False)
-
-
-def _number_stack(
-    ax: Axes, number: str, middle: Array, obstacles: list[Any], distance: float
-) -> None:
-    frame = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": GREY}
-    look = {"size": 7.0, "bbox": frame | {"linewidth": 0.5}}
-    spot = place_label(ax, middle, number, obstacles, distance, **look)
-    ax.plot(
-        *np.transpose([middle, spot]),
-        color=GREY,
-        linewidth=0.6,
-        zorder=3.2,
-    )
 
 
 def platform_factor(found: StageDrive) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import shapely
@@ -13,7 +12,8 @@ from matplotlib.patches import Circle
 
 from flexfem.paper.stage import CHAINS
 from flexfem.paper.verification import CurveModels, HingeDrawing
-from flexfem.plot.drawing import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label
+from flexfem.plot.drawing import WHITE_BOX, arrow, fit, frame_cross, label_axes
+from flexfem.plot.labels import Drawn, PartLabel, write_labels
 from flexfem.plot.mesh import boundary_of, draw_boundary, draw_mesh
 from flexfem.plot.plate import HUB
 from flexfem.plot.style import GREY, INK, in_house_style, page, panels
@@ -59,15 +59,16 @@ def plot_mesh(
             zorder=2.5,
         )
     )
-    frame_cross(ax, max(0.6 * hub, 0.04 * size))
-    obstacles: list[Any] = [shapely.MultiPoint(nodes[::4])]
-    for number, hinge in enumerate(model.hinges, start=1):
-        _number_hinge(ax, hinge, str(number), obstacles, 0.06 * size)
+    cross = frame_cross(ax, max(0.6 * hub, 0.04 * size))
+    labels = [_number(hinge, str(number)) for number, hinge in enumerate(model.hinges, start=1)]
     for chain, colour in zip(CHAINS, CHAIN_COLOURS, strict=True):
         link_ends = [hinge.centre for hinge in model.hinges[3 * chain - 2 : 3 * chain]]
-        middle = np.mean(link_ends, axis=0)
-        look = {"colour": colour, "size": 10, "weight": "bold"}
-        place_label(ax, middle, f"chain {chain}", obstacles, 0.09 * size, **look)
+        look = {"colour": colour, "size": 10.0, "weight": "bold"}
+        labels.append(PartLabel(f"chain {chain}", np.mean(link_ends, axis=0), look))
+    edges = nodes[boundary_of(fields.triangles)[:, [0, 2, 1]]]
+    outline = shapely.MultiLineString(list(edges))
+    material = shapely.unary_union(shapely.polygons(nodes[fields.triangles[:, :3]]))
+    write_labels(ax, labels, Drawn([outline], cross, material))
     label_axes(ax)
     return ax
 
@@ -80,26 +81,12 @@ def _draw_clamped(ax: Axes, fields: Fields) -> None:
     draw_boundary(ax, fields.nodes, edges, INK, 2.8, zorder=4)
 
 
-def _number_hinge(
-    ax: Axes, hinge: HingeDrawing, number: str, obstacles: list[Any], distance: float
-) -> None:
-    """Write the number of a hinge in a ring of the colour of its chain, with a line to its centre."""
+def _number(hinge: HingeDrawing, number: str) -> PartLabel:
+    """Return the number of a hinge in a ring of the colour of its chain."""
     colour = CHAIN_COLOURS[hinge.chain - 1]
-    at = np.array(hinge.centre)
     ring = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": colour}
-    look = {"colour": colour, "weight": "bold", "bbox": ring | {"linewidth": 1.2}}
-    label = place_label(ax, at, number, obstacles, distance, **look)
-    x, y = np.transpose([at, label])
-    ax.plot(
-        x,
-        y,
-        "o-",
-        color=colour,
-        linewidth=0.9,
-        markersize=3.5,
-        markevery=[0],
-        zorder=6,
-    )
+    look = {"colour": colour, "size": 9.0, "weight": "bold", "bbox": ring | {"linewidth": 1.2}}
+    return PartLabel(number, np.array(hinge.centre), look)
 
 
 def mesh_size(model: CurveModels) -> str:

@@ -18,7 +18,8 @@ from flexfem.files.refusals import shown
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.stage import Stage
 from flexfem.paper.verification import CurveModels, HingeDrawing
-from flexfem.plot.drawing import WHITE_BOX, arrow, fit, frame_cross, place_label
+from flexfem.plot.drawing import arrow, fit, frame_cross
+from flexfem.plot.labels import Drawn, PartLabel, write_labels
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, page
 from flexfem.plot.text import minus
 from flexfem.refused import BadInput
@@ -232,20 +233,16 @@ def _label_model(
     obstacles += [shapely.LineString(line) for line in (*chains, corners)]
     obstacles.append(shapely.LineString(CROSS * size * np.array([[0, 1], [0, 0], [1, 0]])))
     sizes = links_of_chain(hinges)
-    labels = _draw_angles(axes, corners, sizes, size, obstacles)
-    for anchor, text, colour in labels:
-        look = {
-            "colour": colour,
-            "size": 10,
-            "parse_math": True,
-            "bbox": WHITE_BOX,
-        }
-        place_label(axes, anchor, text, obstacles, 0.05 * size, **look)
+    labels = list[PartLabel]()
+    for anchor, text, colour in _draw_angles(axes, corners, sizes, size, obstacles):
+        look = {"colour": colour, "size": 10.0, "parse_math": True}
+        labels.append(PartLabel(text, anchor, look))
     for hinge in hinges[::3]:
         along = np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
         foot = hinge.centre - 4.0 * radius * along
         obstacles.append(shapely.Point(foot).buffer(3.0 * radius))
-        place_label(axes, foot, f"chain {hinge.chain}", obstacles, 0.06 * size, size=10)
+        labels.append(PartLabel(f"chain {hinge.chain}", foot, {"size": 10.0}))
+    write_labels(axes, labels, Drawn([], obstacles))
 
 
 class _Text(NamedTuple):
