@@ -61,16 +61,18 @@ def _check_ending(
     """Refuse the name of a file that the result of a question about a mechanism cannot give."""
     from flexfem.questions.setup import kind_of_answer
 
+    if not returns_results(function):
+        return
     subjects = [call.named[key] for key in SUBJECTS if key in call.named]
-    if subjects and returns_results(function):
-        check_ending(given.get("output"), kind_of_answer(function, subjects[0]))
+    kind = get_type_hints(function)["return"]
+    check_ending(given.get("output"), kind_of_answer(function, subjects[0]) if subjects else kind)
 
 
 def returns_results(function: Callable[..., Any]) -> bool:
     """Return whether a function returns a result, whose files `--output` names."""
     kind = get_type_hints(function)["return"]
     kinds = get_args(kind) if get_origin(kind) is UnionType else (kind,)
-    return all(hasattr(each, "quantities") for each in kinds)
+    return all(hasattr(each, "to_csv") for each in kinds)
 
 
 def _progress_of(name: str) -> AbstractContextManager[Any]:

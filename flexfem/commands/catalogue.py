@@ -52,7 +52,7 @@ EFFECTS = {
     "life": Listed("life", "Cycles to failure of the hinges, and amplitude for a wanted life."),
 }
 MEASURE = {
-    "compare": Listed("compare", "Departure of a drawing or another mechanism, and its effect."),
+    "compare": Listed("compare", "Mechanisms side by side: changes, judged by the bands."),
     "experiment": Listed(
         "experiment", "Simulate the paper's stiffness experiment, of a stage only."
     ),

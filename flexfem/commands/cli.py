@@ -216,18 +216,17 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     Its signature holds the options of the command.
     """
     options = [*options_of(function), made_parameter("json", Json, False)]
-    if returns_results(function):  # other functions have an output of their own
+    writes = returns_results(function)
+    if writes:  # other functions have an output of their own
         options.append(made_parameter("output", OutputOfResult, None))
         options.append(made_parameter("whole", All, False))
 
     def run(**given: Any) -> None:
-        from flexfem.results import Result
-
         answer = called(name, function, given)
         found = answer.found
         if found is None:  # of a server
             return
-        if isinstance(found, Result) and given["output"] is not None:
+        if writes and given["output"] is not None:
             _write(answer, given)
         show(found, given["json"], given.get("whole", False))
         if getattr(found, "findings", None) or getattr(found, "failed", False):

@@ -75,7 +75,7 @@ def _of_parameter(
     name = parameter.name
     several = parameter.kind is parameter.VAR_POSITIONAL
     if several:
-        kind: Any = list[hint]
+        kind: Any = list[Path] if "PathLike" in str(hint) else list[hint]
     elif "PathLike" in str(hint):
         kind = TYPES.get(name, Path)
     else:

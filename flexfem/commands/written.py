@@ -130,8 +130,11 @@ def _json(found: Any, path: Path) -> list[Path]:
 def _html(found: Any, path: Path) -> list[Path]:
     from html import escape
 
+    from flexfem.lazy import named
     from flexfem.plot.write import write_text
 
+    if found.page:
+        return [write_text(path, named(found.page)(found))]
     head = f'<meta charset="utf-8"><title>{escape(found.heading())}</title>'
     style = "<style>body { font-family: sans-serif; margin: 2em } td, th { padding: 0 1em 0 0 }"
     style += (

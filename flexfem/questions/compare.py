@@ -1,163 +1,247 @@
-"""Where a drawing, or another mechanism, departs from a mechanism, and what that does."""
+"""Mechanisms side by side: their numbers, judged by their bands, their files and their plates."""
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, TypeAlias
 
-import numpy as np
 import shapely
 
-from flexfem.arrays import short_repr
-from flexfem.files.refusals import checked_path, place_of
-from flexfem.importing.departure import Departure, departure, fine_polygon
+from flexfem.files.refusals import checked_path
+from flexfem.files.toml import PathLike
 from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, load
 from flexfem.importing.roles import Wishes
-from flexfem.mechanism.hinge_place import joint_polygon
-from flexfem.mechanism.layout import Joint, Layout, Move
+from flexfem.mechanism.layout import Layout, Move
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.mechanism_file import MechanismFile
-from flexfem.mechanism.outlines import polygon_points
-from flexfem.mechanism.plate import body_polygon, plate_polygon
-from flexfem.mechanism.profile import Profile
-from flexfem.mechanism.profiles import Circular, Leaf
+from flexfem.mechanism.plate import body_polygon, plate_mass
+from flexfem.questions.comparison import Comparison, Labelled, inputs_of
+from flexfem.questions.departed import compared_plate, inverse, registered
+from flexfem.questions.drive import drive
+from flexfem.questions.gravity import gravity
+from flexfem.questions.heat import drift
 from flexfem.questions.modes import modes
+from flexfem.questions.reach import reach
+from flexfem.questions.setup import Models, check_word
+from flexfem.questions.side_by_side import (
+    Answers,
+    ComparedNumber,
+    Names,
+    compared_number,
+    compared_numbers,
+    matched_names,
+    parasitic,
+)
 from flexfem.questions.stiffness import stiffness
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS
+from flexfem.results import Progress, Result
+from flexfem.units import PLANES
 
-# distance of a hinge from that of the mechanism, per its length, up to which they are the same one
-NEAR = 0.5
-# area of which only one plate consists, per area, up to which both have the same axes
-SAME_FRAME = 0.05
-SIGNIFICANT = 1e-4  # um, a smaller difference is round-off
-QUARTERS = (1, 1j, -1, -1j)
-
-
-class ComparedHinge(NamedTuple):
-    """Differences of a hinge from that of the mechanism; `radius_um`: of its notches or fillets,
-    `off_um`: its centre.
-
-    other : what else is different.
-    """
-
-    hinge: str
-    neck_um: float | None
-    length_um: float | None
-    radius_um: float | None
-    off_um: float | None
-    other: str
-
-
-class ComparedNumber(NamedTuple):
-    """A quantity of the mechanism and of the other plate, and the change."""
-
-    quantity: str
-    mechanism: float
-    other: float
-    change_percent: float
-
-
-@short_repr
-class Comparison(NamedTuple):
-    """Departure of a plate from a mechanism.
-
-    edge_off_um, edge_off_at_mm : largest distance of an edge, and its place; edge_off : at which
-    part, and which way.
-    area_off : area of which only one of the plates consists, per area of the mechanism.
-    """
-
-    file: str
-    name: str
-    other: str
-    edge_off_um: float
-    edge_off_at_mm: tuple[float, float]
-    edge_off: str
-    area_off: float
-    hinges: list[ComparedHinge]
-    numbers: list[ComparedNumber]
-    notes: list[str]
-    warnings: list[str]
+Source: TypeAlias = Mechanism | Path
+Asked: TypeAlias = Literal["summary", "stiffness", "modes", "drive", "reach", "drift", "gravity"]
+QUESTIONS: dict[str, Callable[..., Any]] = {
+    "stiffness": stiffness,
+    "modes": modes,
+    "drive": drive,
+    "reach": reach,
+    "drift": drift,
+    "gravity": gravity,
+}
+SOLVED_BOTH = ("drive", "reach")  # questions without finite elements alone
+MOST_FOLDERS = 8  # in the name of a file
+# short names of the key results; `range.free` is the range with the others free
+MAIN = {
+    "stiffness": {
+        "held": "stiffness, others held",
+        "free": "stiffness, others free",
+        "range.free": "range, others free",
+    },
+    "modes": {
+        "frequency": "first frequency",
+        "first_out_of_plane": "first out of plane",
+    },
+    "drive": {
+        "motion": "drive motion",
+        "force": "drive force",
+        "stress": "drive stress",
+    },
+    "reach": {"ends": "range of the drive"},
+}
+# shown where a mechanism has no range at finite displacement
+LINEAR = {"yield_range": "linear range at yield"}
+EXPLAINED = {  # by a short name that is shown
+    "drive motion": "drive motion, force, stress: at the full stroke of an actuator",
+    "parasitic motion": (
+        "parasitic motion: of the output across a push along the direction, x or y, that is the "
+        "softest of the first mechanism, per motion along it; the other directions are free"
+    ),
+    "first out of plane": "first out of plane: first natural frequency out of the plane",
+}
+BEAMS = "rigid bodies, hinges as beams"  # the analytic model of which answers state nothing else
+BY_NUMBER = "modes are compared by their number; modes of one number may have different shapes"
 
 
 def compare(
-    *files: Path,
+    *files: Mechanism | PathLike,
+    question: Asked = "summary",
+    models: Models = "elements",
+    resolution: int | None = None,
+    solid: bool = False,
     reading: Reading = NO_READING,
-    models: Literal["analytic", "elements"] = "analytic",
+    progress: Progress | None = None,
 ) -> Comparison:
-    """Show where a drawing, or another mechanism, departs from a mechanism, and what that does to
-    stiffness.
+    """Compare mechanisms side by side: their numbers, files and plates.
+
+    Changes are per cent of the first mechanism, and are within or beyond the bands, the ± of both
+    numbers together. Of several files, the first that is no drawing is the first mechanism.
 
     Parameters
     ----------
-    *files : path
-        A drawing and a mechanism file in either order, or the mechanism and another one. A drawing
-        takes thickness, material, ground and output from the mechanism where they are not stated.
+    *files : path or Mechanism
+        Two or more mechanism files, stage files or drawings. A drawing takes thickness,
+        material, ground and output from the first mechanism where they are not stated.
+    question : {"summary", "stiffness", "modes", "drive", "reach", "drift", "gravity"}
+        What is compared: the key results, or the answers of one command.
+    models : {"both", "analytic", "elements"}
+        Models that answer. The analytic model is quick and has no bands.
+    resolution : int, optional
+        Triangles across every neck on the finest of three meshes.
+    solid : bool
+        Whole plates by finite elements in three dimensions.
     reading : Reading
-        Of the drawing: its units, part and so on.
-    models : {"analytic", "elements"}
-        Model of stiffness and frequency.
+        Of drawings: their units, part and so on.
+    progress : callable, optional
+        Called with a line of text after each completed part.
+
+    Returns
+    -------
+    Comparison
+        Numbers of all mechanisms with their changes, in the units that they state.
 
     Raises
     ------
     BadInput
-        There are not two files, one of them cannot be read, or both are drawings without thickness
-        and material.
+        There are less than two files, one of them cannot be read, a question does not apply to
+        one, or the first is a drawing without thickness and material.
+    ComputationFailed
+        A mechanism is singular, or a mesh or a solution does not pass its checks.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> guide = flexfem.load("geometry/parallelogram.toml")
+    >>> found = flexfem.compare(guide, guide.replace(thickness=20.0), models="analytic")
+    >>> found.change("stiffness.free.x").round(1)  # per cent; wide leaves are stiffer
+    array([  nan, 105.8])
     """
-    if len(files) != 2:
-        raise BadInput(
-            f"{len(files)} files, expected two: a drawing and a mechanism file, or two mechanism "
-            "files"
-        )
-    paths = [checked_path(path) for path in files]
-    if is_drawing(paths[0]) and not is_drawing(paths[1]):
-        paths.reverse()
-    base = _mechanism(paths[0], reading if is_drawing(paths[0]) else NO_READING)
+    check_word("question", question, Asked)
+    check_word("models", models, Models)
+    if len(files) < 2:
+        counted = "no file" if not files else "1 file"
+        raise BadInput(f"{counted}, expected two or more: mechanism files, stage files or drawings")
     notes = list[str]()
-    if is_drawing(paths[1]):
-        other, move = _drawn(paths[1], reading, base, notes)
-    else:
-        other = _mechanism(paths[1])
-        move = Move()
-    compared = [*_hinges(base.layout, other.layout, move)]
-    hinges = [each for each in compared if each.other or any(each[1:-1])]
-    if len(hinges) < len(compared):
-        notes.append(
-            f"{len(compared) - len(hinges)} of {len(compared)} hinges are equal, and not listed"
-        )
-    found = departure(fine_polygon(base.layout), moved(fine_polygon(other.layout), move))
+    subjects = _in_one_plane(_subjects(files, reading, notes), solid, notes)
+    asked = {"models": models, "resolution": resolution, "solid": solid}
+    if models == "analytic" and not all(each.layout.joints for each in subjects):
+        asked["models"] = "elements"
+        notes.append("a plate without hinges has finite elements alone, which answer for all")
+    answers = _answers(subjects, question, asked, progress)
+    names = _names(subjects, notes)
+    if question == "modes":
+        notes.append(BY_NUMBER)
+    if asked["models"] != "elements":
+        notes += _analytic_models(subjects, answers)
+    numbers = _numbers(subjects, question, answers, names, models == "both")
+    shown = {each.quantity for each in numbers if each.main and not each.is_zero}
+    notes += [text for name, text in EXPLAINED.items() if name in shown]
+    base = subjects[0].layout
+    plates = [compared_plate(each.label, base, each.layout, each.move) for each in subjects[1:]]
     return Comparison(
-        file=str(paths[0]),
-        name=base.name,
-        other=str(paths[1]),
-        edge_off_um=_digits(1e3 * found.largest, 3),
-        edge_off_at_mm=(_digits(found.place.real), _digits(found.place.imag)),
-        edge_off=_part_at(base.layout, found),
-        area_off=_digits(found.area, 3),
-        hinges=hinges,
-        numbers=[*_numbers(base, other, models)],
+        subjects=subjects,
+        settings={"question": question, **asked},
+        numbers=numbers,
+        inputs=inputs_of(subjects),
+        plates=plates,
         notes=notes,
-        warnings=[],
+        warnings=_warnings(subjects, answers),
+        results=answers,
     )
 
 
-def _mechanism(path: Path, reading: Reading = NO_READING) -> Mechanism:
-    """Load a mechanism file or a drawing. Raises BadInput for another kind of file."""
-    mechanism = load(path, reading)
-    if mechanism.kind != MechanismFile.kind:
-        raise BadInput(
-            f"{place_of(path)}: this is a {mechanism.kind}, expected a mechanism file or a drawing"
-        )
-    return mechanism
+def _subjects(
+    files: Sequence[Mechanism | PathLike],
+    reading: Reading,
+    notes: list[str],
+) -> list[Labelled]:
+    """Load the mechanisms; the first one is no drawing, where there is such a file."""
+    sources = [each if isinstance(each, Mechanism) else checked_path(each) for each in files]
+    if _is_drawn(sources[0]) and not all(map(_is_drawn, sources)):
+        first = next(each for each in sources if not _is_drawn(each))
+        sources.remove(first)
+        sources.insert(0, first)
+        notes.append(f"changes are from {_name_of(first)}, the first that is no drawing")
+    subjects = list[Labelled]()
+    for label, source in zip(distinct_labels(sources), sources, strict=True):
+        if isinstance(source, Mechanism):
+            subjects.append(Labelled(label, source, Move()))
+        elif is_drawing(source) and subjects:
+            subjects.append(_drawn(label, source, reading, subjects[0].mechanism, notes))
+        else:
+            stated = reading if is_drawing(source) else NO_READING
+            subjects.append(Labelled(label, load(source, stated), Move()))
+    return subjects
+
+
+def _is_drawn(source: Source) -> bool:
+    return isinstance(source, Path) and is_drawing(source)
+
+
+def distinct_labels(sources: Sequence[Source]) -> list[str]:
+    """Return short names that differ: of files without endings or folders where these suffice.
+
+    The same file, and mechanisms of the same name, are numbered.
+    """
+    different = len({_identity(each) for each in sources})
+    labels = list[str]()
+    for folders, ending in product(range(MOST_FOLDERS), (False, True)):
+        labels = [_name_of(each, folders, ending) for each in sources]
+        if len({*labels}) == different:
+            break
+    found = list[str]()
+    for number, label in enumerate(labels):
+        before = labels[:number].count(label)
+        found.append(f"{label} ({before + 1})" if before else label)
+    return found
+
+
+def _identity(source: Source) -> str:
+    return source.name if isinstance(source, Mechanism) else os.path.realpath(source)
+
+
+def _name_of(
+    source: Source,
+    folders: int = 0,
+    ending: bool = False,
+) -> str:
+    """Return the name of a file with some of its folders, or that of a mechanism without file."""
+    if isinstance(source, Mechanism):
+        return source.name
+    path = Path(os.path.realpath(source))
+    inside = path.parts[-1 - folders : -1]
+    return "/".join([*inside, path.name if ending else path.stem])
 
 
 def _drawn(
-    path: Path, reading: Reading, base: Mechanism, notes: list[str]
-) -> tuple[Mechanism, Move]:
+    label: str,
+    path: Path,
+    reading: Reading,
+    base: Mechanism,
+    notes: list[str],
+) -> Labelled:
     """Return the mechanism of a drawing with the roles of the parts of another, and the move to its
     axes.
     """
@@ -170,53 +254,15 @@ def _drawn(
         turn = math.degrees(cmath.phase(move.factor))
         flipped = ", turned over" if move.mirrored else ""
         notes.append(
-            f"the drawing has other axes: it was turned by {turn:.6g} degrees{flipped} and moved "
-            f"by {move.shift.real:.6g}, {move.shift.imag:.6g} mm"
+            f"the drawing {label} has other axes: it was turned by {turn:.6g} degrees{flipped} and "
+            f"moved by {move.shift.real:.6g}, {move.shift.imag:.6g} mm"
         )
     if reading.wishes == Wishes():
         plate = imported(path, stated, wishes=_wishes(base.layout, move))
     mechanism: Mechanism = plate.mechanism
     if not reading.material:
         mechanism = mechanism.replace(material=base.material.model_dump(exclude_none=True))
-    return mechanism, move
-
-
-def registered(base: Layout, other: Layout) -> Move:
-    """Return the move of the second plate after which it covers the first best."""
-    one = plate_polygon(base)
-    two = plate_polygon(other)
-    if _area_off(one, two) <= SAME_FRAME:
-        return Move()
-    found = list[tuple[float, Move]]()
-    for turn, mirrored in product(QUARTERS, (False, True)):
-        turned = moved(two, Move(turn, 0j, mirrored))
-        for corner in (0, 2):
-            shift = _corner(one, corner) - _corner(turned, corner)
-            move = Move(turn, shift, mirrored)
-            found.append((_area_off(one, moved(two, move)), move))
-    off, best = min(found, key=lambda each: each[0])
-    return best if off < _area_off(one, two) else Move()
-
-
-def _corner(shape: Any, first: int) -> complex:
-    bounds = shapely.total_bounds(shape)
-    return complex(bounds[first], bounds[first + 1])
-
-
-def _area_off(one: Any, other: Any) -> float:
-    return float(shapely.area(shapely.symmetric_difference(one, other)) / shapely.area(one))
-
-
-def moved(shape: Any, move: Move) -> Any:
-    """Return a moved polygon."""
-    if move == Move():
-        return shape
-
-    def image(points: Any) -> Any:
-        z = move(points[:, 0] + 1j * points[:, 1])
-        return np.column_stack([z.real, z.imag])
-
-    return shapely.transform(shape, image)
+    return Labelled(label, mechanism, move)
 
 
 def _wishes(base: Layout, move: Move) -> Wishes:
@@ -233,131 +279,147 @@ def _wishes(base: Layout, move: Move) -> Wishes:
     return Wishes(tuple(ground), back(_inside(body_polygon(base, output.body))), back(output.point))
 
 
-def inverse(move: Move) -> Move:
-    """Return the move that takes moved points back."""
-    factor = move.factor if move.mirrored else move.factor.conjugate()
-    back = Move(factor, 0j, move.mirrored)
-    return back._replace(shift=-back(move.shift))
-
-
 def _inside(polygon: Any) -> complex:
     point = shapely.point_on_surface(polygon)
     return complex(point.x, point.y)
 
 
-def _hinges(
-    base: Layout,
-    other: Layout,
-    move: Move,
-) -> Iterator[ComparedHinge]:
-    """Yield the differences of all hinges, and the hinges that only one of the plates has."""
-    places = np.array([move(joint.place) for joint in other.joints])
-    taken = set[int]()
-    for joint in base.joints:
-        gaps = np.abs(places - joint.place)
-        nearest = int(np.argmin(gaps)) if len(gaps) else -1
-        if nearest < 0 or gaps[nearest] > NEAR * joint.profile.length or nearest in taken:
-            yield ComparedHinge(joint.name, None, None, None, None, "there is none at its place")
-            continue
-        taken.add(nearest)
-        yield _compared(joint, other.joints[nearest], move)
-    for index, joint in enumerate(other.joints):
-        if index not in taken:
-            at = f"{places[index].real:.4g}, {places[index].imag:.4g} mm"
-            yield ComparedHinge(
-                joint.name, None, None, None, None, f"at {at}, not in the mechanism"
-            )
+def _in_one_plane(
+    subjects: list[Labelled],
+    solid: bool,
+    notes: list[str],
+) -> list[Labelled]:
+    """Return all mechanisms in plane stress where some are so, and others in three dimensions.
 
-
-def _compared(
-    one: Joint,
-    other: Joint,
-    move: Move,
-) -> ComparedHinge:
-    first = one.profile
-    second = other.profile
-    angle = move.heading(other.heading) - one.heading
-    turned = math.degrees(cmath.phase(cmath.exp(2j * angle))) / 2  # a neck has no sense
-    remarks = list[str]()
-    if type(first) is not type(second):
-        remarks.append(f"{_shape(second)} instead of {_shape(first)}")
-    if abs(turned) > 1e-3:
-        remarks.append(f"turned by {turned:.3g} degrees")
-    return ComparedHinge(
-        hinge=one.name,
-        neck_um=_microns(second.neck - first.neck),
-        length_um=_microns(second.length - first.length),
-        radius_um=_larger_radius(first, second),
-        off_um=_microns(abs(move(other.place) - one.place)),
-        other=", ".join(remarks),
+    A difference between both models would otherwise be one between the mechanisms.
+    """
+    stated = {each.mechanism.model for each in subjects}
+    if solid or not {"three_dimensional", "plane_stress"} <= stated:
+        if len(stated) > 1 and not solid:
+            named = ", ".join(f"{each.label}: {PLANES[each.mechanism.model]}" for each in subjects)
+            notes.append(f"the models of the thickness differ, and so do the numbers ({named})")
+        return subjects
+    found = list[Labelled]()
+    changed = list[str]()
+    for each in subjects:
+        if each.mechanism.model == "three_dimensional":
+            changed.append(each.label)
+            each = each._replace(mechanism=each.mechanism.replace(model="plane_stress"))
+        found.append(each)
+    notes.append(
+        f"all are computed in plane stress, {', '.join(changed)} too, which otherwise has three "
+        "dimensions: a difference is then not one between models"
     )
+    return found
 
 
-def _larger_radius(first: Profile, second: Profile) -> float | None:
-    """Return the difference of the radii, um; None if one of both has none."""
-    before = _radius(first)
-    after = _radius(second)
-    if before is None or after is None:
-        return None
-    return _microns(after - before)
+def _answers(
+    subjects: Sequence[Labelled],
+    question: str,
+    asked: dict[str, Any],
+    progress: Progress | None,
+) -> list[dict[str, Result]]:
+    """Return the answers of every mechanism by question; equal mechanisms are asked once."""
+    found = list[dict[str, Result]]()
+    for number, each in enumerate(subjects):
+        same = [other for other in range(number) if subjects[other].mechanism == each.mechanism]
+        if same:
+            found.append(found[same[0]])
+            continue
+        answers = dict[str, Result]()
+        for name in _questions_of(each.mechanism, question):
+            options = dict(asked)
+            if name in SOLVED_BOTH and options["models"] == "elements":
+                options["models"] = "both"
+            if name == "modes" and question == "summary":
+                options["count"] = 1
+            answers[name] = QUESTIONS[name](each.mechanism, **options)
+        found.append(answers)
+        if progress is not None:
+            progress(f"{number + 1} of {len(subjects)} mechanisms")
+    return found
 
 
-def _shape(profile: Profile) -> str:
-    return type(profile).__name__.lower()
+def _analytic_models(subjects: Sequence[Labelled], answers: Sequence[Answers]) -> list[str]:
+    """Return a note where the analytic models of the mechanisms are not the same."""
+    found = list[str]()
+    for own in answers:
+        stated = [result.settings.get("analytic model", BEAMS) for result in own.values()]
+        found.append(str(stated[0]))
+    if len({*found}) < 2:
+        return []
+    named = [f"{each.label}: {model}" for each, model in zip(subjects, found, strict=True)]
+    return [f"the analytic models differ, and so do the numbers ({'; '.join(named)})"]
 
 
-def _radius(profile: Profile) -> float | None:
-    """Return the radius of the notches or fillets, mm; None of a hinge without one."""
-    if isinstance(profile, Leaf):
-        return profile.fillet
-    radius = profile.radius if isinstance(profile, Circular) else profile.root_radius
-    return radius if math.isfinite(radius) else None
+def _questions_of(mechanism: Mechanism, question: str) -> list[str]:
+    """Return the questions whose answers make a summary, or the one that is asked."""
+    if question != "summary":
+        return [question]
+    driven = any(key.startswith("actuator") for key in mechanism.values)
+    if mechanism.layout.actuators:
+        return ["stiffness", "modes", "drive"]
+    return ["stiffness", "modes", "reach"] if driven else ["stiffness", "modes"]
 
 
-def _part_at(layout: Layout, found: Departure) -> str:
-    """Return at which part an edge departs most, and which way."""
-    point = shapely.Point(found.place.real, found.place.imag)
-    parts = [(joint.name, joint_polygon(joint)) for joint in layout.joints]
-    parts += [(body.name, shapely.Polygon(polygon_points(body.outline))) for body in layout.bodies]
-    gaps = [shapely.distance(polygon.exterior, point) for _, polygon in parts]
-    name = parts[int(np.argmin(np.round(gaps, 6)))][0]
-    return f"at {name}: {'less' if found.inside else 'more'} material"
+def _names(subjects: Sequence[Labelled], notes: list[str]) -> list[Names]:
+    """Return the names of the parts of the first mechanism by those of each one."""
+    first = _parts_of(subjects[0].layout)
+    found = list[Names]()
+    for each in subjects:
+        names = dict[str, dict[str, str]]()
+        for axis, own in _parts_of(each.layout).items():
+            names[axis], said = matched_names(axis, first[axis], own)
+            if axis != "body":
+                notes += [f"{each.label}: {text}" for text in said]
+        found.append(names)
+    return found
+
+
+def _parts_of(layout: Layout) -> dict[str, list[str]]:
+    return {
+        "actuator": [actuator.name for actuator in layout.actuators],
+        "point": [name for name, _ in layout.points],
+        "body": [body.name for body in layout.bodies if not body.fixed],
+    }
 
 
 def _numbers(
-    base: Mechanism, other: Mechanism, models: Literal["analytic", "elements"]
-) -> Iterator[ComparedNumber]:
-    """Yield stiffness in all directions and the first frequency of both plates."""
-    if not (base.layout.joints and other.layout.joints):
-        models = "elements"
-    answers = [stiffness(each, models=models, no_limits=True) for each in (base, other)]
-    for others in ("held", "free"):
-        values = [np.ravel(found.at(others)) for found in answers]
-        units = np.ravel(answers[0].unit(others))
-        for direction, unit, first, second in zip(DIRECTIONS, units, *values, strict=True):
-            yield _number(
-                f"stiffness {direction}, others {others} ({unit})", float(first), float(second)
-            )
-    frequencies = list[float]()
-    for each in (base, other):
-        found = modes(each, models=models, count=1)
-        frequencies.append(float(np.ravel(found.at("frequency"))[0]))
-    yield _number("first frequency (Hz)", *frequencies)
+    subjects: Sequence[Labelled],
+    question: str,
+    answers: Sequence[Answers],
+    names: Sequence[Names],
+    every_model: bool,
+) -> list[ComparedNumber]:
+    """Return the compared numbers; those of a summary with mass and parasitic motion."""
+    if question != "summary":
+        return compared_numbers(answers, names, {}, every_model)
+    main = dict(MAIN)
+    if not all("range" in each["stiffness"].values for each in answers):
+        main["stiffness"] = MAIN["stiffness"] | LINEAR
+    found = compared_numbers(answers, names, main, every_model)
+    grams = [_grams(each, own) for each, own in zip(subjects, answers, strict=True)]
+    mass = compared_number(
+        "mass",
+        ("mass", ""),
+        "g",
+        [(value, math.nan) for value in grams],
+    )
+    return [mass, *found, *parasitic(answers)]
 
 
-def _number(
-    quantity: str,
-    first: float,
-    second: float,
-) -> ComparedNumber:
-    change = 100 * (second / first - 1) if first else math.nan
-    return ComparedNumber(quantity, _digits(first), _digits(second), _digits(round(change, 4), 3))
+def _grams(subject: Labelled, answers: Answers) -> float:
+    """Return the mass that moves or is fixed, as its modes have it, where they state one."""
+    vibrating = answers["modes"]
+    if "mass" in vibrating.values:
+        return 1e3 * float(vibrating.at("mass"))
+    return 1e6 * plate_mass(subject.layout)
 
 
-def _microns(difference: float) -> float:
-    microns = 1e3 * difference
-    return 0.0 if abs(microns) < SIGNIFICANT else _digits(microns, 4)
-
-
-def _digits(value: float, count: int = 6) -> float:
-    return float(f"{value:.{count}g}")
+def _warnings(subjects: Sequence[Labelled], answers: Sequence[Answers]) -> list[str]:
+    """Return the warnings of all answers, each with the mechanisms that it is about."""
+    about = dict[str, list[str]]()
+    for each, found in zip(subjects, answers, strict=True):
+        for text in dict.fromkeys(text for result in found.values() for text in result.warnings):
+            about.setdefault(text, []).append(each.label)
+    return [f"{', '.join(labels)}: {text}" for text, labels in about.items()]

@@ -249,6 +249,7 @@ class Declared:
     # the main result: a quantity at labels of its axes
     main_result: ClassVar[tuple[str, Mapping[str, str]] | None] = None
     figure: ClassVar[str] = ""  # module and function that draw it, see `flexfem.plot.figures_of`
+    page: ClassVar[str] = ""  # function under flexfem that makes its page, "" for the usual one
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
     has_mesh_fields: ClassVar[bool] = False  # whether `fields` may be written as VTU
     # module under flexfem that shows stored results with fields: `write_stored`, `stored_section`

@@ -126,13 +126,14 @@ def test_view_draws_what_was_recognised(flexfem, part, tmp_path):
 def test_compare_takes_the_drawing_in_either_order(flexfem, part):
     mechanism = ROOT / "geometry/parallelogram.toml"
     for order in ((part, mechanism), (mechanism, part)):
-        code, out, err = flexfem("compare", *order, "--json")
+        code, out, err = flexfem("compare", *order, "--models", "analytic", "--json")
         assert code == 0, err
         found = json.loads(out)
-        assert (
-            found["file"] == str(mechanism) and found["hinges"] == [] and found["edge_off_um"] < 0.1
-        )
-        assert all(abs(each["change_percent"]) < 1e-3 for each in found["numbers"])
+        (plate,) = found["plates"]
+        assert found["mechanisms"][0]["file"] == str(mechanism)
+        assert plate["hinges"] == [] and plate["edge_off_um"] < 0.1
+        changes = {each["path"]: each["changes_percent"][1] for each in found["numbers"]}
+        assert all(abs(changes[f"stiffness.free.{axis}"]) < 1e-3 for axis in ("x", "y", "theta"))
 
 
 @pytest.mark.parametrize(
@@ -162,7 +163,7 @@ def test_compare_takes_the_drawing_in_either_order(flexfem, part):
             "thickness is for a drawing",
         ),
         (("stiffness", "part.dxf", *STATED, "--ground", "900,0"), "mm from the nearest body"),
-        (("compare", "part.dxf"), "1 files, expected two"),
+        (("compare", "part.dxf"), "1 file, expected two or more"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(flexfem, part, arguments, text, tmp_path):
@@ -210,11 +211,6 @@ def test_a_drawing_of_another_program_in_inches(tmp_path):
     assert dict(made.mechanism.parameters) == {"radius_mm": 1.5875, "neck_mm": 0.508}
     assert made.off.largest < MICROMETRE
     assert made.mechanism.layout.points[0][1].point.real > 0
-
-
-def test_a_stage_file_cannot_be_compared(part):
-    with pytest.raises(BadInput, match="this is a stage file"):
-        api.compare(part, ROOT / "geometry/mobility6.toml")
 
 
 @pytest.mark.slow

@@ -79,6 +79,14 @@ vibrating = cache(lambda: flexfem.modes(plain(), count=2, models="elements", res
 tiring = {"amplitude": (0.05, 0.02, 3e-4), "ratio": 0, "resolution": 4}
 DRAWN: dict[str, Any] = {
     "plot_plate": lambda made: (flexfem.load("geometry/parallelogram.toml"),),
+    "plot_overlay": lambda made: (
+        flexfem.compare(
+            "geometry/pivot.toml",
+            "geometry/mobility6.toml",
+            question="modes",
+            models="analytic",
+        ),
+    ),
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
     "plot_displacement": lambda made: (made.fields(),),
