@@ -66,6 +66,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.questions.check import known_formulas as known_formulas
     from flexfem.questions.check import thickness_review as thickness_review
     from flexfem.questions.compare import compare as compare
+    from flexfem.questions.comparison import Comparison as Comparison
     from flexfem.questions.convergence import converge as converge
     from flexfem.questions.drive import drive as drive
     from flexfem.questions.forces import forces as forces
@@ -76,6 +77,7 @@ if TYPE_CHECKING:  # for editors and type checkers; the same names as in the tab
     from flexfem.questions.modes import modes as modes
     from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
+    from flexfem.questions.side_by_side import ComparedNumber as ComparedNumber
     from flexfem.questions.stiffness import stiffness as stiffness
     from flexfem.questions.summary import summary as summary
     from flexfem.questions.verification import verification as verification
@@ -156,6 +158,8 @@ OTHERS = {  # module of names that scripts may use, too; documented in their mod
     "Override": "paper.stage_file",
     "Platform": "paper.stage_file",
     "Verification": "paper.verification",
+    "Comparison": "questions.comparison",
+    "ComparedNumber": "questions.side_by_side",
     "hinge_review": "questions.check",
     "known_formulas": "questions.check",
     "thickness_review": "questions.check",
