@@ -14,6 +14,7 @@ import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Executor
+from html import escape
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,11 +25,12 @@ from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder
 from flexfem.refused import BadInput
-from flexfem.results import Progress
+from flexfem.results import Progress, html_table
 from flexfem.study import MOST_WORKERS, REPORTS, run
 from flexfem.study.answer import nominal, require_extra_numbers
 from flexfem.study.collect import RUN_AGAIN, Collected, collect, counted_warnings, read_table
 from flexfem.study.findings import findings
+from flexfem.study.listing import left_out, tables_of_designs
 from flexfem.study.loaded import load_study
 from flexfem.study.overview import overview
 from flexfem.study.records import ParetoFront, Record, Refused
@@ -58,15 +60,32 @@ class Facts(dict[str, Any]):
 @short_repr
 class StudyFindings(NamedTuple):
     """A collected study: its table, the source data of its figures, and the record of each figure
-    by name.
+    by name. A notebook shows its designs and its figures.
 
-    `flexfem.plot` draws records of `found`: `plot_map` a map, `plot_front` a front,
-    `plot_histogram` each of the `scatters` of a distribution, `plot_shares` each of the `shares` of
-    a sensitivity with its `factors`."""
+    `flexfem.plot` draws records of `found` on axes: `plot_curves` each of the `panels` of curves,
+    `plot_map` a map, or each of the `maps` of a page, `plot_effect` a number over a factor,
+    `plot_front` a front, `plot_histogram` each of the `scatters` of a distribution, `plot_shares`
+    each of the `shares` of a sensitivity with its `factors`."""
 
     table: Collected
     source: Source
     found: dict[str, Record | Refused]
+
+    def figures(self) -> dict[str, Any]:
+        """Return the matplotlib figures of the study by name, drawn anew at each call."""
+        from flexfem.plot.study import page_of  # heavy
+
+        drawn = {name: one for name, one in self.found.items() if not isinstance(one, Refused)}
+        return {name: page_of(record) for name, record in drawn.items()}
+
+    def _repr_html_(self) -> str:
+        """Return the table of the designs and the figures for a notebook."""
+        from flexfem.plot.inline import inline_image  # heavy
+
+        html = [html_table(each) for each in tables_of_designs(self.source)]
+        html.append(f"<p>{escape(left_out(self.source, self.table.path))}</p>")
+        html += [inline_image(each, f"Figure {name}") for name, each in self.figures().items()]
+        return "".join(html)
 
 
 def processors() -> int:
@@ -133,7 +152,8 @@ def run_study(
         Study file, see flexfem schema study, or the folder of its results, such as
         `reports/study-reach`.
     output : path
-        Folder of results, with a folder for each study.
+        Folder of results, with a folder for each study. The command also takes the name of a file
+        that ends in .csv, .parquet, .json, .html, .png or .pdf.
     workers : int, optional
         Number of processes on this machine, at most 1024, by default one per processor. Not with
         another executor.
@@ -317,7 +337,8 @@ def plot_study(
     study : path
         Study file, see flexfem schema study, or the folder of its results.
     output : path
-        Folder of results, with a folder for each study.
+        Folder of results, with a folder for each study. The command also takes the name of a file
+        that ends in .csv, .parquet, .json, .html, .png or .pdf.
     partial : bool
         Leave out unfinished designs instead of refusing them.
 

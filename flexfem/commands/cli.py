@@ -34,6 +34,7 @@ from flexfem.commands.catalogue import (
     STUDY,
 )
 from flexfem.commands.console import All, Json, OutputFolder, OutputOfResult, show
+from flexfem.commands.of_study import OF_STUDIES, is_done, taken_file, write_study
 from flexfem.commands.options import description, made_parameter, options_of
 from flexfem.commands.written import lacking, write
 from flexfem.files.inputs import recording_inputs
@@ -222,12 +223,18 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
         options.append(made_parameter("whole", All, False))
 
     def run(**given: Any) -> None:
+        target = taken_file(name, given) if function.__module__ == OF_STUDIES else None
+        if target is not None and name == "plot":
+            _say_written(write_study(given["study"], target, given["partial"]))
+            return
         answer = called(name, function, given)
         found = answer.found
         if found is None:  # of a server
             return
         if writes and given["output"] is not None:
             _write(answer, given)
+        if target is not None and is_done(found):
+            _say_written(write_study(given["study"], target))
         show(found, given["json"], given.get("whole", False))
         if getattr(found, "findings", None) or getattr(found, "failed", False):
             raise typer.Exit(1)  # of a check, of a study
@@ -243,7 +250,11 @@ def _write(answer: Answer, given: dict[str, Any]) -> None:
     if refused:
         show(answer.found, given["json"], given["whole"])
         raise BadInput(refused)
-    paths = write(answer.found, given["output"], answer.stem)
+    _say_written(write(answer.found, given["output"], answer.stem))
+
+
+def _say_written(paths: list[Path]) -> None:
+    """Name the files that were written."""
     print(f"written: {', '.join(map(str, paths))}", file=sys.stderr)
 
 

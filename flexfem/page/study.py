@@ -23,6 +23,7 @@ from flexfem.refused import BadInput
 from flexfem.results import TextTable, thousands
 from flexfem.study import names, records
 from flexfem.study.factors import Factor
+from flexfem.study.listing import left_out, tables_of_designs
 from flexfem.study.loaded import LoadedStudy
 from flexfem.study.source import Source
 from flexfem.study.tables import limits_text
@@ -47,7 +48,7 @@ def study_subject(path: Path, folder: Path) -> Subject:
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
     rows = [[key, ASSUMED, texts.get(key) or ""] for key in status["assumed"]]
     rows += [[key, NOT_STATED, texts.get(key) or ""] for key in status["not_stated"]]
-    made = study_parts(found.source, found.found, status)
+    made = study_parts(found.source, found.found, status, found.table.path)
     made.append(("sources", partial(sources_section, rows, "source")))
     return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], made)
 
@@ -56,6 +57,7 @@ def study_parts(
     source: Source,
     found: dict[str, records.Record | records.Refused],
     status: dict[str, Any],
+    stored: Path,
 ) -> list[Part]:
     """Return the sections of a study in order as functions, since drawing the figures takes a
     while.
@@ -63,11 +65,15 @@ def study_parts(
     Parameters
     ----------
     source, found : from `studies.study_findings`.   status : from `studies.study_status`.
+    stored : the file with the table of all designs.
     """
     parts = list[Part]()
     for n, shown in enumerate(found.values(), 1):
-        title = source.loaded.study.figure[n - 1].title or f"Figure {n}"
+        title = f"Figure {n}"
+        if n <= len(source.loaded.study.figure):
+            title = source.loaded.study.figure[n - 1].title or title
         parts.append((f"figure {n}", partial(_figure_section, f"study-figure-{n}", title, shown)))
+    parts.append(("designs", partial(designs_section, source, stored)))
     return [*parts, ("settings of the study", partial(setup_section, source, status))]
 
 
@@ -102,6 +108,13 @@ def _figure_section(
     )
 
 
+def designs_section(source: Source, stored: Path) -> PageSection:
+    """Return the designs with the numbers asked, and where the table of all is stored."""
+    tables = [table(each) for each in tables_of_designs(source)]
+    note = notes([left_out(source, stored)], "note")
+    return PageSection("study-designs", "Designs", Markup("").join([*tables, note]))
+
+
 def formatted(value: float) -> str:
     """Return a number in five digits, "none" if infinite, "" if unknown."""
     return (
@@ -125,7 +138,7 @@ def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
     }
     settings = {
         "study": f"{study.name} ({loaded.path.name})",
-        "base stage": f"{loaded.base.name} ({study.stage})",
+        f"base {loaded.base.kind.removesuffix(' file')}": f"{loaded.base.name} ({study.stage})",
         "model": names.model_words(loaded),
         "sample": f"{names.sampling_words(loaded)}, {thousands(loaded.count)} designs",
         "designs": names.counted(counts),

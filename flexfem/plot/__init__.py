@@ -27,6 +27,7 @@ _NAMES = {  # functions by their module under `flexfem`
     "paper.figures.pseudo_rigid": "plot_model",
     "paper.figures.reach": "plot_section plot_solid",
     "plot.compare": "plot_overlay",
+    "plot.curves": "plot_curves plot_effect",
     "plot.design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
     "plot.errors": "plot_convergence plot_mechanism_errors",
     "plot.fields": "plot_displacement",

@@ -27,12 +27,17 @@ def inline_figure(found: Any) -> str:
     figures = [each for each in figures_of(found).values() if isinstance(each, Figure)]
     if not figures:
         return ""
+    return inline_image(figures[0], f"Figure: {found.heading()}")
+
+
+def inline_image(figure: Figure, description: str) -> str:
+    """Return a figure with a description for a screen reader as an HTML element."""
     form = "svg"
-    image = rendered(figures[0], form)
+    image = rendered(figure, form)
     if len(image) > LARGEST:
         form = "png"
-        image = rendered(figures[0], form)
+        image = rendered(figure, form)
     content = base64.b64encode(image).decode()
-    about = escape(f"Figure: {found.heading()}", quote=True)
+    about = escape(description, quote=True)
     source = f"data:{TYPES[form]};base64,{content}"
     return f'<p><img alt="{about}" style="max-width: 100%; width: 50rem" src="{source}"></p>'

@@ -149,6 +149,11 @@ def _pages(items: Sequence[Item]) -> Iterator[Sequence[Item]]:
     return (items[start : start + PANELS] for start in range(0, len(items), PANELS))
 
 
+def columns_of_numbers(source: Source) -> dict[str, AxisText]:
+    """Return the columns of the numbers that a study asks for, with their names."""
+    return _columns(source, asked_numbers(source))
+
+
 def _columns(source: Source, numbers: Sequence[AskedNumber]) -> dict[str, AxisText]:
     """Return the names of the columns of numbers, with the model where there are several."""
     named = dict[str, AxisText]()

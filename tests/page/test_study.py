@@ -53,7 +53,10 @@ def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
 
 
 def page_of(source: Source, **status: list[str]) -> str:
-    made = [make() for _, make in study_parts(source, findings(source), STATUS | status)]
+    made = [
+        make()
+        for _, make in study_parts(source, findings(source), STATUS | status, Path("t.parquet"))
+    ]
     said = {
         "subtitle": "",
         "assumptions": "",
