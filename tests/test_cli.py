@@ -131,7 +131,7 @@ def test_an_output_that_names_a_file_is_that_picture_or_refused_as_a_folder(
     assert (tmp_path / "picture.png").read_bytes()[:4] == b"\x89PNG"
     for arguments in (
         ["view", guide, "-o", "k.csv"],
-        ["study", "run", ROOT / "cases/study-reach.toml", "-o", "k.csv"],
+        ["study", "status", ROOT / "cases/study-reach.toml", "-o", "k.csv"],
         ["formulas", "-o", "k.pdf"],
     ):
         code, out, err = flexfem(*arguments)

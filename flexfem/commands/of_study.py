@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexfem.files.writing import check_file, write_atomically
 from flexfem.refused import BadInput
 from flexfem.study import REPORTS
 
@@ -33,12 +32,14 @@ def taken_file(name: str, given: dict[str, Any]) -> Path | None:
         given |= {"to": path, "output": REPORTS}
         return None
     if name not in OF_FILES:
-        raise BadInput(f"{path}: expected the folder of the results of studies")
+        return None
     if path.suffix.lower() not in ENDINGS:
         raise BadInput(
             f"{path}: ends in {path.suffix}, expected {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}, "
             "or the name of a folder"
         )
+    from flexfem.files.writing import check_file
+
     check_file(path)
     given["output"] = REPORTS
     if name == "run":
@@ -85,6 +86,7 @@ def _written_page(study: Path, path: Path) -> Path:
 
 def _written_numbers(found: StudyFindings, path: Path) -> Path:
     from flexfem import studies
+    from flexfem.files.writing import write_atomically
 
     numbers = {name: studies.facts_of(record) for name, record in found.found.items()}
     text = json.dumps(numbers, indent=1, ensure_ascii=False).encode()

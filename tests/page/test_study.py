@@ -70,7 +70,8 @@ def page_of(source: Source, **status: list[str]) -> str:
 def rows_of(html: str) -> dict[str, list[str]]:
     """Numbers in the rows of tables, by what names the row."""
     rows = re.findall(r'<th scope="row"[^>]*>([^<]*)</th>(.*?)</tr>', html, re.S)
-    return {name: re.findall(r">([^<>]*)</td>", row) for name, row in rows}
+    # those of a figure, before those of the designs
+    return {name: re.findall(r">([^<>]*)</td>", row) for name, row in reversed(rows)}
 
 
 def test_the_numbers_of_a_front_are_those_of_the_table(tmp_path):

@@ -23,11 +23,16 @@ from flexfem.study.records import (
     Caption,
     Cells,
     Chosen,
+    CurvePanel,
+    Curves,
+    Effects,
+    FactorCurve,
     ParetoFront,
     Percentile,
     Scatter,
     Share,
     StudyMap,
+    Trend,
 )
 
 from ..design.recorded import recorded
@@ -65,6 +70,23 @@ def front() -> ParetoFront:
 
 
 identified_slopes = MeasuredSlopes(kxx=35.4, kxx_sd=0.2, ktt=33e3, ktt_sd=200.0)
+
+
+def curves() -> Curves:
+    places = np.array([1.0, 2.0, 4.0])
+    curve = FactorCurve("finite elements", np.array([3.0, 5.0, 4.0]), np.full(3, 0.1), 4.5)
+    missing = {"refused": np.array([True, False, False])}
+    panels = [CurvePanel(Y, [curve])]
+    return Curves(Caption("", [], []), Y, places, panels, missing, {"refused": 1}, 2.5)
+
+
+def effects() -> Effects:
+    trend = Trend(*map(np.array, ([1.0, 2.0], [3.0, 5.0], [2.0, 4.0], [4.0, 6.0])))
+    points = np.array([[1.0], [2.0]])
+    base = np.array([1.5]), np.array([4.0])
+    return Effects(Caption("", [], []), [Y], [Y], [[trend]], points, 3 * points, base)
+
+
 share = Share(*map(np.array, ([0.5, 0.3], [0.05, 0.02], [0.6, 0.4], [0.04, 0.03])), Y)
 percentiles = [Percentile(p, p / 10, p / 11, p / 9) for p in (2.5, 50.0, 97.5)]
 plain = cache(lambda: flexfem.load(STAGE))  # each answered once
@@ -106,6 +128,8 @@ DRAWN: dict[str, Any] = {
     "plot_hinge": lambda made: (),
     "plot_history": lambda made: (recorded(),),
     "plot_hinge_table": lambda made: (made.model(),),
+    "plot_curves": lambda made: (curves(), curves().panels[0]),
+    "plot_effect": lambda made: (effects(), 0, 0),
     "plot_histogram": lambda made: (Scatter(Y, np.linspace(0.0, 10.0, 30), percentiles, 5.0),),
     "plot_large": lambda made: (displaced(), "y", "across"),
     "plot_life": lambda made: (flexfem.life(plain().replace(material="al-2024-t4"), **tiring),),

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexfem.study.answer import answer
 from flexfem.study.collect import StudyTable
+from flexfem.study.judge import judge
 from flexfem.study.loaded import LoadedStudy, load_study, sample
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
@@ -36,4 +37,5 @@ def answered(loaded: LoadedStudy, **changed: np.ndarray) -> StudyTable:
     values = sample(loaded, 0, loaded.count)
     columns = {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
     columns |= {name: rows.values[:, k] for k, name in enumerate(loaded.outputs)}
+    columns |= judge(loaded, columns, rows.status == "ok").derived
     return StudyTable(np.arange(loaded.count), rows.status, rows.reason, columns | changed)
