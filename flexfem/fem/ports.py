@@ -421,7 +421,8 @@ def thermal_response(
 ) -> Response:
     """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K, in the plane or with layers.
 
-    The ground expands about the origin as a free body of its own material; motions include this.
+    The ground expands about the origin as a free body of its own material; motions include this,
+    and are relative to its mean over the thickness, which bows by a gradient.
     of_parts : expansions of all bodies, then of all hinges, if they differ from that of the plate.
     """
     response = model.thermal_response().under((ground_expansion - expansion) * HEAT_CASES)
@@ -431,13 +432,26 @@ def thermal_response(
         response = replace(response, nodal=response.nodal + strained.nodal)
     of_free_body = free_displacement(model.mesh.nodes, model.structure.layers)
     free = expansion * np.tensordot(HEAT_CASES, of_free_body, axes=1)
+    displacement = response.nodal + free
+    layers = model.structure.layers
+    if layers is not None and not layers.fixed:
+        bowed = ground_expansion * HEAT_CASES @ _mean_of_free_body(layers)
+        displacement = displacement - bowed[:, None, None]
     forces = model.port_forces.reshape(len(model.port_forces), -1)
-    motions = forces @ (response.nodal + free).reshape(len(free), -1).T
+    motions = forces @ displacement.reshape(len(free), -1).T
     for k, port in enumerate(model.layout.ports):
         for patch, wrench in port.parts:
             if patch.body < 0:
                 motions[k] += ground_expansion * _motion_outside(patch.point) @ wrench
     return replace(response, motions=motions)
+
+
+def _mean_of_free_body(layers: Layers) -> Array:
+    """Return the displacements (3 cases, 3) of `free_displacement` at the origin, averaged over the
+    thickness.
+    """
+    half = layers.heights[-1]
+    return np.vstack([-(half**2) / 6 * np.eye(3)[:2], np.zeros(3)])
 
 
 def _motion_outside(point: complex) -> Array:

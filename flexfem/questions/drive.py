@@ -190,8 +190,8 @@ def drive(
 
 
 def _fields(mechanism: Mechanism, mesh: setup.Mesh | None) -> MeshFields | None:
-    """Return the displacement by the full stroke of each actuator; None without a plane mesh."""
-    if mesh is None or mesh.layers:
+    """Return the displacements by the full stroke of each actuator by plane finite elements."""
+    if mesh is None:
         return None
 
     def made() -> dict[str, Array]:

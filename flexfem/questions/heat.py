@@ -177,7 +177,7 @@ def drift(
 
 def _fields(mechanism: Mechanism, mesh: setup.Mesh | None) -> MeshFields | None:
     """Return the displacements per K or K/mm by plane finite elements; None without them."""
-    if mesh is None or mesh.layers:
+    if mesh is None:
         return None
 
     def made() -> dict[str, Array]:

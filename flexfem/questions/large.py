@@ -13,7 +13,7 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.finite import displaced
-from flexfem.analytic.plates import respond
+from flexfem.analytic.plates import beam_compliances, respond
 from flexfem.arrays import Array
 from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
@@ -44,9 +44,9 @@ class Large(Result):
     figure = "large.large_figure"
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in SHARES)}
     footnotes = (
-        "linear: the analytic model with rigid bodies, or finite elements of a plate without "
-        "hinges; beams: the same with hinges as beams at finite rotations; finite elements: plane, "
-        "with elastic bodies, at finite rotations",
+        "linear: the analytic model with rigid bodies and hinges in the plane, or finite elements "
+        "of a plate without hinges; beams: the same with hinges as beams at finite rotations; "
+        "finite elements: plane, with elastic bodies, at finite rotations",
         "the rotation of the output is that of the rigid motion nearest to the motion of its "
         "contact",
     )
@@ -183,11 +183,12 @@ def large(
 
 
 def _at_rest(mechanism: Mechanism, mesh: Mesh | None) -> Array:
-    """Return the compliance (k, k) at rest by the analytic network, or by finite elements of a
-    plate without hinges.
+    """Return the compliance (k, k) at rest by the analytic network, with hinges in the plane as the
+    beams are, or by finite elements of a plate without hinges.
     """
-    if mechanism.layout.joints:
-        return respond(mechanism.layout).compliance
+    layout = mechanism.layout
+    if layout.joints:
+        return respond(layout, hinges=beam_compliances(layout)).compliance
     assert mesh is not None
     return solved(mechanism, mesh.resolution).compliance
 

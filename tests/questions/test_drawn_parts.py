@@ -13,8 +13,9 @@ import flexfem
 from flexfem.fem.mesh import jacobians
 from flexfem.fem.plate_bodies import hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.fem.ports import forces_on_ports
+from flexfem.fem.ports import forces_on_ports, thermal_response
 from flexfem.mechanism.mechanism_file import MechanismFile
+from flexfem.questions.plates import factorised
 from flexfem.questions.setup import ELASTIC
 from flexfem.results import ANALYTIC, ELEMENTS
 
@@ -242,3 +243,16 @@ def test_equal_notches_at_ground_and_between_bodies_have_their_own_compliances()
         np.diag(low) / np.diag(high) - 1
     )  # the corners at the end of the notch are a part of the one at ground
     assert np.all((more > 1e-6) & (more < 0.05))
+
+
+def test_free_ground_and_plate_bow_alike_through_the_thickness_in_a_gradient():
+    """Plate and ground of one expansion `a` are free of stress in a gradient. In three dimensions
+    both bow by `a z^2 / 2` besides, 48 nm on average, so that neither moves against the other.
+    """
+    a = 23.6e-6
+    guide = MechanismFile.model_validate({**GUIDE, "model": "three_dimensional"})
+    plane, solid = (
+        thermal_response(factorised(guide, 2, layers), a, a).motions[:3] for layers in (0, 1)
+    )
+    assert plane[0, 0] == pytest.approx(a * 1.0, rel=1e-5)  # of the middle of the stage, 1 mm off
+    np.testing.assert_allclose(solid, plane, atol=1e-10)

@@ -176,6 +176,14 @@ def test_an_amplitude_is_reached_by_beams_and_finite_elements_whose_leaves_stret
     )
 
 
+def test_linear_theory_is_the_tangent_of_the_beams_at_rest():
+    """Two leaves clamped in blocks need `24 E I / L^3` a displacement; they stretch as its square."""
+    mechanism = flexfem.load(ROOT / "geometry" / "parallelogram.toml")
+    found = flexfem.large(mechanism, amplitude=0.01, models="analytic")
+    linear, beams = found.driving[0, :, 0]
+    assert linear == pytest.approx(beams, rel=1e-4)
+
+
 def test_an_amplitude_with_an_angle_turns_the_output():
     pivot = flexfem.load(ROOT / "geometry/pivot.toml")
     found = flexfem.large(pivot, amplitude="5deg", models="analytic")
