@@ -339,7 +339,8 @@ class Tables:
             is_along = named.get("commanded") in (None, named.get("direction"))
             if not is_along or any(named[axis] != label for axis, label in fixed.items()):
                 continue
-            text = self.cell(one, at, True).replace("\n", ", ")
+            text = self.cell(one, at, True)
+            text = text.partition("\n")[0] if listed in one.largest else text.replace("\n", ", ")
             if text:
                 before = "" if listed in ("", "mode") else f"{named[listed]} "
                 part = ", ".join(named[axis] for axis in rest if axis != listed)

@@ -228,6 +228,8 @@ def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys, 
     cli.app(["drive", str(STAGE), *options], standalone_mode=False)
     printed = json.loads(capsys.readouterr().out)["quantities"]
     np.testing.assert_allclose(printed["stroke"]["values"], found.stroke)
+    named = ("stroke", "contact", "blocking force")
+    assert [found.answer().count(each) for each in named] == [1, 1, 1]
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".json", ".pdf", ".png"]
 
 
