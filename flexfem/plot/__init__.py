@@ -32,7 +32,7 @@ _NAMES = {  # functions by their module under `flexfem`
     "plot.errors": "plot_convergence plot_mechanism_errors",
     "plot.fields": "plot_displacement",
     "plot.hinge": "plot_formulas plot_hinge plot_thickness",
-    "plot.life": "plot_life",
+    "plot.life": "plot_life plot_lives",
     "paper.figures.modes": "plot_mode plot_response",
     "plot.plate": "plot_plate",
     "plot.study": "plot_front plot_histogram plot_map plot_shares",

@@ -13,9 +13,9 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import PlaneMesh
 from flexfem.plot import style
 from flexfem.plot.drawing import fit
-from flexfem.plot.fields import VISIBLE, draw_field, draw_scale, exaggeration
-from flexfem.plot.style import NAMES, panels, wrapped
-from flexfem.plot.text import minus, significant
+from flexfem.plot.fields import VISIBLE, draw_displaced, draw_scale, exaggeration
+from flexfem.plot.style import NAMES, VISIBLE_BAND, panels, wrapped
+from flexfem.plot.text import minus, sentence, significant, typeset
 from flexfem.questions.drive import Drive
 from flexfem.questions.gravity import MechanismGravity
 from flexfem.questions.heat import CASES, MechanismDrift
@@ -24,16 +24,16 @@ from flexfem.questions.setup import MeshFields
 from flexfem.results import SPACE, Fields, Result
 
 SHARE = Normalize(0, 1)
-COLUMNS = 3  # panels per row
+COLUMNS = 2  # panels per row
 PANEL = 3.9  # in, width
 WIDE_PANEL = 6.4  # in, width of the only panel
-NARROWEST = 7.4  # in, of a page
+NARROWEST = 6.7  # in, of a page
 LINE = 0.16  # in, height of a line of a title
 FLATTEST = 0.3  # height over width of a drawing, at least
 TALLEST = 1.2
 TITLE_SIZE = 9.5  # points
 BOTH_SENSES = (1.0, -1.0)
-CONVENTION = "Displacements are exaggerated; grey: at rest."
+GREY = "Grey: at rest, and fixed parts"
 WARM = {
     "uniform": "1 K everywhere",
     "gradient in x": "1 K/mm along x",
@@ -42,10 +42,16 @@ WARM = {
 
 
 class Shape(NamedTuple):
-    """A displaced outline: the lines of its title, and its field (n, 2), mm."""
+    """A displaced outline: its name, lines of numbers, and its field (n, 2), mm."""
 
-    title: Sequence[str]
+    name: str
+    numbers: Sequence[str]
     field: Array
+
+    def lines(self, factor: float, signs: tuple[float, ...]) -> list[str]:
+        """Return name, numbers and factor; that of a mode, whose size is arbitrary, is left out."""
+        drawn = "" if signs == BOTH_SENSES else f"displacements × {significant(factor, 1)}"
+        return [text for text in (self.name, *self.numbers, drawn) if text]
 
 
 @style.in_house_style
@@ -56,12 +62,11 @@ def modes_figure(found: MechanismModes) -> Figure:
     shapes = list[Shape]()
     # the last rows may be modes of analytic models alone
     for mode, field in zip(found.axes["mode"], fields.values(), strict=False):
-        frequency = found.texts("frequency", mode=mode, model=model)[0]
-        shapes.append(Shape([f"mode {mode}: {frequency}", _moving(found, mode)], field))
+        frequency = _texts(found, "frequency", mode=mode, model=model)[0]
+        shapes.append(Shape(f"mode {mode}: {frequency}", [_moving(found, mode)], field))
     lines = [
-        f"Frequencies: {model}. Shapes: plane finite elements, each with its own factor; grey: at "
-        "rest. Output: share of each direction in the square of its motion, rotations times the "
-        "lever."
+        f"Frequencies: {model}. Shapes: plane finite elements, each with its own factor. {GREY}. "
+        "Output: share of each direction in the square of its motion, rotations times the lever."
     ]
     return _drawn(found, "natural modes", lines, shapes, BOTH_SENSES)
 
@@ -88,20 +93,16 @@ def drive_figure(found: Drive) -> Figure:
     shapes = list[Shape]()
     for name, field in fields.items():
         at = {"actuator": name, "model": model}
-        used = found.texts("used", **at)[0]
-        force = found.texts("force", **at)[0]
-        title = [
-            f"full stroke of {name}",
-            _pose(found.texts("motion", point=output, **at)),
-            f"opening {used} of the stroke",
-            f"force {force}",
-            f"highest hinge stress {found.texts('stress', **at)[0]}",
+        numbers = [
+            _pose(_texts(found, "motion", point=output, **at)),
+            f"opening {_texts(found, 'used', **at)[0]} of the stroke, "
+            f"force {_texts(found, 'force', **at)[0]}",
+            f"highest hinge stress {_texts(found, 'stress', **at)[0]}",
         ]
-        shapes.append(Shape(title, field))
+        shapes.append(Shape(f"full stroke of {name}", numbers, field))
     lines = [
         f"Motion of the output for the full free stroke of one actuator, all in place: {model}. "
-        f"Shapes: plane finite elements at small displacements, each with its own factor. "
-        f"{CONVENTION}"
+        f"Shapes: plane finite elements at small displacements. {GREY}."
     ]
     return _drawn(found, "motion by the actuators", lines, shapes)
 
@@ -111,16 +112,16 @@ def gravity_figure(found: MechanismGravity) -> Figure:
     """Draw the mechanism under its weight, with the displacement of every point."""
     field = _fields(found).made()["displacement"]
     model = found.axes["model"][-1]
-    title = [
-        f"{point}: {_pose(found.texts('pose', model=model, point=point))}"
+    numbers = [
+        f"{point}: {_pose(_texts(found, 'pose', model=model, point=point))}"
         for point in found.axes["point"]
     ]
-    title.append(f"highest hinge stress {found.texts('stress', model=model)[0]}")
+    numbers.append(f"highest hinge stress {_texts(found, 'stress', model=model)[0]}")
     lines = [
         f"Upright plate, gravity {minus(found.settings['gravity'])} from x; numbers: {model}. "
-        f"Shape: plane finite elements. {CONVENTION}"
+        f"Shape: plane finite elements. {GREY}."
     ]
-    return _drawn(found, "displacement by weight", lines, [Shape(title, field)])
+    return _drawn(found, "displacement by weight", lines, [Shape("", numbers, field)])
 
 
 @style.in_house_style
@@ -130,25 +131,31 @@ def drift_figure(found: MechanismDrift) -> Figure:
     model = found.axes["model"][-1]
     output = found.axes["point"][0]
     shapes = list[Shape]()
+    is_stressed = bool(np.any(found.at("stress", model=model)))
     for case in CASES:
         at = {"case": case, "model": model}
-        title = [
-            WARM[case],
-            _pose(found.texts("pose", point=output, **at)),
-            f"highest hinge stress {found.texts('stress', **at)[0]}",
-        ]
-        shapes.append(Shape(title, fields[case]))
+        numbers = [_pose(_texts(found, "pose", point=output, **at))]
+        if is_stressed:
+            numbers.append(f"highest hinge stress {_texts(found, 'stress', **at)[0]}")
+        shapes.append(Shape(WARM[case], numbers, fields[case]))
+    without = "" if is_stressed else " No case causes stress in the hinges."
     lines = [
-        f"Motion of the output per K or K/mm, about the origin: {model}. Shapes: plane finite "
-        f"elements, each with its own factor. {CONVENTION}"
+        f"Motion of the output per K or K/mm, about the origin: {model}.{without} Shapes: plane "
+        f"finite elements, each with its own factor. {GREY}."
     ]
     return _drawn(found, "drift by temperature", lines, shapes)
+
+
+def _texts(found: Result, quantity: str, **labels: str) -> list[str]:
+    """Return cells of a table as figures have them, without bands that are too small to matter."""
+    cells = found.visible_texts(quantity, VISIBLE_BAND, **labels)
+    return [typeset(cell) for cell in cells]
 
 
 def _pose(cells: Sequence[str]) -> str:
     """Return a motion by its cells along x, y and theta."""
     parts = [f"{name} {cell}" for name, cell in zip(NAMES.values(), cells, strict=True)]
-    return minus(", ".join(parts))
+    return ", ".join(part.replace(" ", SPACE) for part in parts)
 
 
 def _fields(found: Result) -> MeshFields:
@@ -165,40 +172,42 @@ def _drawn(
 ) -> Figure:
     """Draw shapes, coloured by their displacement, each with its own exaggeration.
 
+    The numbers of a single shape are lines of the header.
+
     signs : of the displacements that must not cross.
     """
     mesh = _fields(found).mesh
     grid = _Grid.of(len(shapes))
     drawn = [_placed(mesh, shape, signs, grid.width) for shape in shapes]
+    titles = ["\n".join(panel.lines) for panel in drawn]
+    if len(drawn) == 1:
+        lines = [sentence("; ".join(shapes[0].lines(drawn[0].factor, signs))), *lines]
+        titles = [""]
     everywhere = np.concatenate([mesh.nodes, *(panel.places for panel in drawn)])
-    title = f"{found.about.name}: {subject}"
-    size = grid.size(everywhere, [panel.title for panel in drawn])
-    figure, axes = panels(size, title, lines, grid.rows, grid.columns, found.about, len(shapes))
-    for ax, panel in zip(axes, drawn, strict=True):
-        draw_field(ax, mesh.nodes, mesh.triangles, panel.places, panel.values, SHARE)
+    size = grid.size(everywhere, titles)
+    heading = f"{found.about.name}: {subject}"
+    figure, axes = panels(size, heading, lines, grid.rows, grid.columns, found.about, len(shapes))
+    for ax, panel, text in zip(axes, drawn, titles, strict=True):
+        draw_displaced(ax, mesh, panel.places, SHARE)
         fit(ax, everywhere, VISIBLE / 2)
-        ax.set_title(panel.title, size=TITLE_SIZE)
+        ax.set_title(text, size=TITLE_SIZE)
     draw_scale(figure, figure.axes, SHARE, "displacement / largest of the drawing")
     return figure
 
 
 class _Panel(NamedTuple):
-    """A drawn shape: title, displaced nodes (n, 2), mm, and displacements (n,) over the largest."""
+    """A drawn shape: its factor, the lines of its title, and displaced nodes (n, 2), mm."""
 
-    title: str
+    factor: float
+    lines: Sequence[str]
     places: Array
-    values: Array
 
 
 def _placed(mesh: PlaneMesh, shape: Shape, signs: tuple[float, ...], width: float) -> _Panel:
     """Return a shape with its own exaggeration, for a panel of a width."""
     factor = _factor(mesh, shape, signs)
-    sizes = np.linalg.norm(shape.field, axis=1)
-    return _Panel(
-        _title(shape, factor, signs, width),
-        mesh.nodes + factor * shape.field,
-        sizes / (sizes.max() or 1.0),
-    )
+    lines = [wrapped(line, width - 0.2, TITLE_SIZE) for line in shape.lines(factor, signs)]
+    return _Panel(factor, lines, mesh.nodes + factor * shape.field)
 
 
 class _Grid(NamedTuple):
@@ -229,16 +238,3 @@ def _factor(
     """Return the exaggeration of a shape."""
     plane = Fields(mesh.nodes, mesh.triangles, mesh.bodies, shape.field, shape.field[:, 0])
     return exaggeration(plane, signs=signs)
-
-
-def _title(
-    shape: Shape,
-    factor: float,
-    signs: tuple[float, ...],
-    width: float,
-) -> str:
-    """Return the title of a panel; the factor of a mode, whose size is arbitrary, is left out."""
-    lines = [*shape.title]
-    if signs != BOTH_SENSES:
-        lines.append(f"drawn × {significant(factor, 1)}")
-    return "\n".join(wrapped(line, width - 0.2, TITLE_SIZE) for line in lines)

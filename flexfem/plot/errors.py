@@ -143,7 +143,7 @@ def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:
     ax.set(xscale="log", yscale="log")
     ax.set(xlabel="triangle size / neck width", ylabel="relative error of the compliance")
     ax.set_xticks(size, [f"1/{n}" for n in study.resolutions])
-    ax.yaxis.set_major_formatter(lambda value, _: scientific(value))
+    ax.yaxis.set_major_formatter(lambda value, _: scientific(value).removeprefix("1×"))
     ax.minorticks_off()
     ax.grid()
     style.legend_beside(ax, handlelength=4.4)

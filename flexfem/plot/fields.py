@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.fem.mesh import PlaneMesh
 from flexfem.plot.drawing import fit
 from flexfem.plot.mesh import QUARTERS, boundary_of, draw_boundary
 from flexfem.plot.style import INK, in_house_style, new_axes, panels, wrapped
@@ -43,6 +44,24 @@ def draw_field(
     ax.set_axis_off()
 
 
+def draw_displaced(
+    ax: Axes,
+    mesh: PlaneMesh,
+    moved: Array,
+    norm: Normalize,
+) -> None:
+    """Draw a mesh with displaced nodes (n, 2), coloured by displacement over the largest one.
+
+    Parts that do not move are grey, as parts without stress are in figures of stress.
+    """
+    sizes = np.linalg.norm(moved - mesh.nodes, axis=1)
+    moves = np.any(sizes[mesh.triangles] > ROUND_OFF * sizes.max(), axis=1)
+    if not moves.all():
+        _draw_still(ax, mesh.nodes, mesh.triangles[~moves])
+    shares = sizes / (sizes.max() or 1.0)
+    draw_field(ax, mesh.nodes, mesh.triangles[moves], moved, shares, norm)
+
+
 def _shade(
     ax: Axes, nodes: Array, triangles: AnyArray, values: Array, zorder: float, **colours: Any
 ) -> None:
@@ -69,7 +88,7 @@ def plot_displacement(
     norm = norm or stress_scale(plane)
     elastic = np.any(plane.stress[plane.triangles] > 0, axis=1)
     if not elastic.all():
-        _draw_rigid(ax, plane, plane.triangles[~elastic])
+        _draw_still(ax, plane.nodes, plane.triangles[~elastic])
     moved = plane.nodes + factor * plane.displacement
     stress = np.clip(plane.stress, norm.vmin, None)
     draw_field(ax, plane.nodes, plane.triangles[elastic], moved, stress, norm)
@@ -77,15 +96,15 @@ def plot_displacement(
     return ax
 
 
-def _draw_rigid(
+def _draw_still(
     ax: Axes,
-    fields: Fields,
+    nodes: Array,
     triangles: AnyArray,
 ) -> None:
-    """Draw triangles without stress in grey, at rest."""
+    """Draw triangles that nothing happens to in grey, at rest."""
     grey = ListedColormap([RIGID])
-    _shade(ax, fields.nodes, triangles, 0 * fields.stress, 1, cmap=grey)
-    draw_boundary(ax, fields.nodes, boundary_of(triangles), INK, 0.5)
+    _shade(ax, nodes, triangles, np.zeros(len(nodes)), 1, cmap=grey)
+    draw_boundary(ax, nodes, boundary_of(triangles), INK, 0.5)
 
 
 def plane_fields(fields: MeshFields) -> Fields:

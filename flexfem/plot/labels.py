@@ -60,7 +60,7 @@ class PartLabel(NamedTuple):
     body: Any = None
 
 
-class Drawn(NamedTuple):
+class DrawnParts(NamedTuple):
     """What is drawn where labels are placed, in data coordinates.
 
     outlines : lines that labels should not cover.
@@ -97,7 +97,7 @@ class _Places(NamedTuple):
 def write_labels(
     ax: Axes,
     labels: Sequence[PartLabel],
-    drawn: Drawn,
+    drawn: DrawnParts,
 ) -> int:
     """Write labels with leader lines to what they are about.
 
@@ -143,7 +143,7 @@ def _write(
 def _options(
     ax: Axes,
     labels: Sequence[PartLabel],
-    drawn: Drawn,
+    drawn: DrawnParts,
     size: float,
 ) -> Iterator[_Places]:
     """Yield the possible places of every label for letters of a size, relative to the stated one."""

@@ -10,20 +10,24 @@ from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
 from flexfem.plot import style
-from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled
+from flexfem.plot.style import GREY, INK, MODEL_COLOURS, NAMES, panels, titled
 from flexfem.questions.large import BEAMS, LINEAR, Large
-from flexfem.results import ELEMENTS
+from flexfem.results import ANALYTIC, ELEMENTS
 from flexfem.units import DIRECTIONS, UNITS, Direction
 
 LOOKS: dict[str, dict[str, Any]] = {
     LINEAR: {"color": GREY, "linestyle": "dashed", "linewidth": 1.2},
-    BEAMS: {"color": COLOURS[0], "linewidth": 1.8},
-    ELEMENTS: {"color": COLOURS[1], "linewidth": 1.4, "linestyle": (0, (5, 1.5))},
+    BEAMS: {"color": MODEL_COLOURS[ANALYTIC], "linewidth": 1.8},
+    ELEMENTS: {
+        "color": MODEL_COLOURS[ELEMENTS],
+        "linewidth": 1.4,
+        "linestyle": (0, (5, 1.5)),
+    },
 }
 FORCE_WORDS = {"x": "force", "y": "force", "theta": "moment"}
 FORCE_UNITS = {"x": "N", "y": "N", "theta": "N mm"}
 STIFFNESS_UNITS = {"x": "N/mm", "y": "N/mm", "theta": "N mm/rad"}
-SIZE = (10.6, 4.4)  # in
+SIZE = (6.7, 6.2)  # in
 
 
 @style.in_house_style
@@ -31,13 +35,13 @@ def large_figure(found: Large) -> Figure:
     """Draw force and tangent stiffness over the displacement by all theories."""
     direction = along_of(found)
     loaded = "force" in found.values
-    how = "Growing dead load on the output" if loaded else "The output is driven along"
-    lines = [
-        f"{how}{'' if loaded else f' {NAMES[direction]}, the other directions free'}. Bars: band "
-        "of the finite elements."
-    ]
+    how = "Growing dead load on the output."
+    if not loaded:
+        how = f"The output is driven along {NAMES[direction]}, the other directions free."
+    if _has_bands(found, direction):
+        how += " Bars: band of the finite elements."
     title = f"{found.about.name}: large displacements"
-    figure, axes = panels(SIZE, title, lines, 1, 2, found.about)
+    figure, axes = panels(SIZE, title, [how], 2, assumptions=found.about)
     titled(plot_force(axes[0], found, direction), "a", FORCE_WORDS[direction])
     titled(plot_tangent(axes[1], found, direction), "b", "tangent stiffness, other directions free")
     style.legend_below(figure, axes, 4)
@@ -128,6 +132,16 @@ def _bands(
         return None
     bands = np.nan_to_num(found.band(quantity, theory=theory, direction=direction))
     return bands if bands.any() else None
+
+
+def _has_bands(found: Large, direction: Direction) -> bool:
+    """Return whether a theory has bands that the figure shows."""
+    quantities = ("driving", "stiffness")
+    return any(
+        _bands(found, quantity, theory, direction) is not None
+        for quantity in quantities
+        for theory in found.axes["theory"]
+    )
 
 
 def _mark_end(

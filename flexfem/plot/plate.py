@@ -33,11 +33,20 @@ from flexfem.plot.drawing import (
     xy,
 )
 from flexfem.plot.fields import RIGID, displaced, plane_fields
-from flexfem.plot.labels import Drawn, PartLabel, write_labels
-from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, in_house_style, new_axes, page
-from flexfem.plot.text import minus, significant
+from flexfem.plot.labels import DrawnParts, PartLabel, write_labels
+from flexfem.plot.style import (
+    INK,
+    NAMES,
+    NOTE_COLOUR,
+    PALE,
+    VISIBLE_BAND,
+    in_house_style,
+    new_axes,
+    page,
+)
+from flexfem.plot.text import sentence, significant, typeset
 from flexfem.questions.setup import MeshFields
-from flexfem.results import Result
+from flexfem.results import SPACE, Result
 from flexfem.units import LENGTH, STRESS
 
 OTHER_MATERIAL = ".."  # hatch of parts that have a material of their own
@@ -117,7 +126,7 @@ def plot_plate(
         names = [_label(text, xy(z), DIMENSION) for text, z in plate.callouts(drawn)]
     else:
         names = list(_names(drawn, recognised))
-    write_labels(ax, names, Drawn([shape.boundary], marks, shape))
+    write_labels(ax, names, DrawnParts([shape.boundary], marks, shape))
     return ax
 
 
@@ -404,7 +413,7 @@ def drawing_figure(
     else:
         meanings = _meanings(drawn, bool(facts.discs), recognised)
         key = "; ".join(filter(None, [*meanings, facts.unlabelled]))
-    lines = [f"{text[:1].upper()}{text[1:]}." for text in (data, key) if text]
+    lines = [sentence(text) for text in (data, key) if text]
     labels = None
     if small:
         labels = len([*_names(drawn)]) if facts.named else 0
@@ -464,10 +473,10 @@ def load_figure(found: Result) -> Figure:
 
 def _load_text(found: Result) -> str:
     """Return the components of the load, with zeros in place of round-off and of less than bands."""
-    cells = found.texts("force", model=found.axes["model"][-1])
-    return ", ".join(
-        f"{name} {minus(cell)}" for name, cell in zip(NAMES.values(), cells, strict=True)
-    )
+    cells = found.visible_texts("force", VISIBLE_BAND, model=found.axes["model"][-1])
+    named = zip(NAMES.values(), cells, strict=True)
+    parts = [f"{name} {typeset(cell)}" for name, cell in named if not cell.startswith("0 ")]
+    return ", ".join(part.replace(" ", SPACE) for part in parts) or "zero"
 
 
 def _highest_stress(found: Result) -> str:
@@ -479,4 +488,4 @@ def _highest_stress(found: Result) -> str:
         parts += [f"body {name}" for name in found.axes["body"]]
         stress = np.concatenate([stress, found.at("body_stress", model=model)])
     first = int(np.argmax(is_largest(stress)))  # of equal ones, as in the table
-    return f"up to {significant(float(np.max(stress)))} {STRESS} at {parts[first]}"
+    return f"up to {significant(float(np.max(stress)))}{SPACE}{STRESS} at {parts[first]}"

@@ -24,6 +24,8 @@ from matplotlib.transforms import Bbox
 
 from flexfem.arrays import Array
 from flexfem.plot.text import assumption_note, significant
+from flexfem.questions.setup import ELASTIC
+from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 from flexfem.units import Direction
 
 STYLE: Any = {
@@ -69,6 +71,14 @@ DASHES: tuple[Any, ...] = (
     (0, (2, 2)),
 )
 HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
+# of a model in every figure: one colour, its marker and its line
+MODEL_COLOURS = {
+    ANALYTIC: "#0072B2",
+    ELASTIC: "#9B4F96",
+    ELEMENTS: "#D55E00",
+    SOLID: "#D55E00",
+}
+VISIBLE_BAND = 5e-4  # of a value; smaller bands are left out of figures
 NAMES: dict[Direction, str] = {"x": "x", "y": "y", "theta": "\N{GREEK SMALL LETTER THETA}"}
 LETTER = {"normal": 0.51, "bold": 0.58}  # mean width of a letter over the font size
 TABLE_SIZE = 8.0  # points
@@ -120,6 +130,7 @@ def rendered(figure: Figure, form: str) -> bytes:
     buffer = io.BytesIO()
     with house_style(), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
+        figure.draw_without_rendering()  # the layout of drawings to scale needs two passes
         figure.savefig(
             buffer,
             format=form,

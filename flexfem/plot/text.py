@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
 from flexfem.results import SPACE, number
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+NUMBER = r"(?<![\w.])(-?\d+\.?\d*)(?:e([+-]?\d+))?(?![\w])"  # its digits and its power of ten
 ROUND_DOWN = 1e-9  # tolerance within which a limit counts as round
 SYMBOLS = ("x", "y", "θ")
 
@@ -43,6 +45,24 @@ def banded(value: float, band: float) -> str:
     if abs(value) < 1e-6 or band <= 0:
         return percent(value)
     return minus(number(value, band)).replace(" ", SPACE) + SPACE + "%"
+
+
+def typeset(text: str) -> str:
+    """Return a text with minus signs and powers of ten as figures have them, not -2.1e-05."""
+    return re.sub(NUMBER, _as_typeset, text)
+
+
+def _as_typeset(found: re.Match[str]) -> str:
+    digits, power = found.groups()
+    if power is None:
+        return minus(digits)
+    factor = "10" + str(int(power)).translate(SUPERSCRIPTS)
+    return factor if digits == "1" else f"{minus(digits)}×{factor}"
+
+
+def sentence(text: str) -> str:
+    """Return a text with a capital and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def minus(text: str) -> str:

@@ -57,6 +57,7 @@ class Tables:
 
     With `short_repr` they leave out details, and lengths and angles in a column share a unit.
 
+    Bands below `least_band`, relative to the value, are left out.
     Differences of the first model from the last follow the rows of the last model.
     """
 
@@ -65,8 +66,10 @@ class Tables:
         result: Declared,
         plain: bool,
         brief: bool = False,
+        least_band: float = 0.0,
     ) -> None:
         self.result = result
+        self.least_band = least_band
         self.plain = plain
         self.brief = brief
 
@@ -277,7 +280,8 @@ class Tables:
         size = result.internal_sizes(quantity.name)[at]
         if abs(value) <= FLOOR * size:
             return 0.0, np.nan
-        return value, band if band > BAND_FLOOR * size else np.nan
+        is_shown = band > BAND_FLOOR * size and band >= self.least_band * abs(value)
+        return value, band if is_shown else np.nan
 
     def _differences(
         self,

@@ -149,9 +149,18 @@ class Result(Declared):
 
     def texts(self, quantity: str, **labels: str) -> list[str]:
         """Return cells of a table: values at labels of some axes, each with band and unit."""
+        return self.visible_texts(quantity, 0.0, **labels)
+
+    def visible_texts(
+        self,
+        quantity: str,
+        least_band: float,
+        **labels: str,
+    ) -> list[str]:
+        """Return cells as `texts`, without bands below `least_band` relative to their values."""
         one = self.quantities[quantity]
         places = [self.axes[axis].index(label) for axis, label in labels.items()]
-        shown = Tables(self, plain=False)
+        shown = Tables(self, plain=False, least_band=least_band)
         return [shown.cell(one, at, True) for at in shown.shown(one, tuple(labels), places)]
 
     def answer(self, plain: bool = True) -> str:

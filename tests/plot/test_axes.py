@@ -99,6 +99,7 @@ reached = cache(lambda: flexfem.reach(plain(), models="analytic"))
 displaced = cache(lambda: flexfem.large(plain(), models="analytic"))
 vibrating = cache(lambda: flexfem.modes(plain(), count=2, models="elements", resolution=4))
 tiring = {"amplitude": (0.05, 0.02, 3e-4), "ratio": 0, "resolution": 4}
+tired = cache(lambda: flexfem.life(plain().replace(material="al-2024-t4"), **tiring))
 DRAWN: dict[str, Any] = {
     "plot_plate": lambda made: (flexfem.load("geometry/parallelogram.toml"),),
     "plot_overlay": lambda made: (
@@ -132,7 +133,8 @@ DRAWN: dict[str, Any] = {
     "plot_effect": lambda made: (effects(), 0, 0),
     "plot_histogram": lambda made: (Scatter(Y, np.linspace(0.0, 10.0, 30), percentiles, 5.0),),
     "plot_large": lambda made: (displaced(), "y", "across"),
-    "plot_life": lambda made: (flexfem.life(plain().replace(material="al-2024-t4"), **tiring),),
+    "plot_life": lambda made: (tired(),),
+    "plot_lives": lambda made: (tired(),),
     "plot_map": lambda made: (study_map(),),
     "plot_margins": lambda made: (recorded(),),
     "plot_mesh": lambda made: (made.model(), made.fields()),

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.plot.drawing import text_box
-from flexfem.plot.labels import Drawn, PartLabel, write_labels
+from flexfem.plot.labels import DrawnParts, PartLabel, write_labels
 from flexfem.plot.plate import drawing_figure
 
 COVERED = 0.01  # of a text's box: corners of boxes are blank
@@ -40,7 +40,7 @@ def test_names_of_close_hinges_are_apart_and_clear_of_their_leaves():
         PartLabel(name, np.array([10.2 + 2.5 * k, 20.0]), {"size": 8.0})
         for k, name in enumerate(names)
     ]
-    faults = write_labels(ax, labels, Drawn([leaf.boundary for leaf in leaves], leaves))
+    faults = write_labels(ax, labels, DrawnParts([leaf.boundary for leaf in leaves], leaves))
     found = boxes(ax, names)
     window = shapely.box(0, 0, 60, 40)
     assert faults == 0 and len(found) == 12
@@ -55,7 +55,7 @@ def test_a_name_without_room_is_counted_and_stays_within_the_drawing():
         PartLabel(f"a long name {k}", np.array([5.0, 5.0 + k]), {"size": 9.0}) for k in (0, 1)
     ]
     wall = shapely.box(0, 0, 10, 10)
-    assert write_labels(ax, labels, Drawn([], [wall])) == 2
+    assert write_labels(ax, labels, DrawnParts([], [wall])) == 2
 
 
 def test_the_name_of_a_body_is_within_it_and_upright_where_it_is_wide():
@@ -66,7 +66,7 @@ def test_the_name_of_a_body_is_within_it_and_upright_where_it_is_wide():
         PartLabel("carriage", np.array([17.0, 8.0]), {"size": 8.0}, wide),
         PartLabel("column", np.array([41.5, 20.0]), {"size": 8.0}, tall),
     ]
-    write_labels(ax, labels, Drawn([wide.boundary, tall.boundary], [], wide.union(tall)))
+    write_labels(ax, labels, DrawnParts([wide.boundary, tall.boundary], [], wide.union(tall)))
     found = boxes(ax, {"carriage", "column"})
     assert wide.contains(found["carriage"]) and tall.contains(found["column"])
     assert [text.get_rotation() for text in ax.texts] == [0.0, 90.0]

@@ -20,7 +20,7 @@ from flexfem.paper.frames import CHAIN_TURN
 from flexfem.paper.stage import Stage
 from flexfem.plot import style
 from flexfem.plot.drawing import fit, label_axes
-from flexfem.plot.labels import Drawn, PartLabel, write_labels
+from flexfem.plot.labels import DrawnParts, PartLabel, write_labels
 from flexfem.plot.plate import draw_plate
 from flexfem.plot.style import COLOURS, GREY, INK, NOTE_COLOUR, PALE, titled
 from flexfem.plot.text import minus, round_factor, significant
@@ -192,7 +192,7 @@ def plot_drive(
     look = {"size": NUMBERS, "bbox": frame | {"linewidth": 0.5}}
     numbers = [PartLabel(f"{k + 1}", box.mean(axis=0), look) for k, box in enumerate(boxes)]
     outlines = [plate_polygon(stage.layout).boundary]
-    write_labels(ax, numbers, Drawn(outlines, list(map(shapely.Polygon, boxes))))
+    write_labels(ax, numbers, DrawnParts(outlines, list(map(shapely.Polygon, boxes))))
     label_axes(ax)
     return ax
 

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from flexfem.paper.stage import CHAINS
 from flexfem.paper.verification import CurveModels, HingeDrawing
 from flexfem.plot.drawing import WHITE_BOX, arrow, fit, frame_cross, label_axes
-from flexfem.plot.labels import Drawn, PartLabel, write_labels
+from flexfem.plot.labels import DrawnParts, PartLabel, write_labels
 from flexfem.plot.mesh import boundary_of, draw_boundary, draw_mesh
 from flexfem.plot.plate import HUB
 from flexfem.plot.style import GREY, INK, in_house_style, page, panels
@@ -68,7 +68,7 @@ def plot_mesh(
     edges = nodes[boundary_of(fields.triangles)[:, [0, 2, 1]]]
     outline = shapely.MultiLineString(list(edges))
     material = shapely.unary_union(shapely.polygons(nodes[fields.triangles[:, :3]]))
-    write_labels(ax, labels, Drawn([outline], cross, material))
+    write_labels(ax, labels, DrawnParts([outline], cross, material))
     label_axes(ax)
     return ax
 

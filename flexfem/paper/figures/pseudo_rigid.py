@@ -19,7 +19,7 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.paper.stage import Stage
 from flexfem.paper.verification import CurveModels, HingeDrawing
 from flexfem.plot.drawing import arrow, fit, frame_cross
-from flexfem.plot.labels import Drawn, PartLabel, write_labels
+from flexfem.plot.labels import DrawnParts, PartLabel, write_labels
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, page
 from flexfem.plot.text import minus
 from flexfem.refused import BadInput
@@ -242,7 +242,7 @@ def _label_model(
         foot = hinge.centre - 4.0 * radius * along
         obstacles.append(shapely.Point(foot).buffer(3.0 * radius))
         labels.append(PartLabel(f"chain {hinge.chain}", foot, {"size": 10.0}))
-    write_labels(axes, labels, Drawn([], obstacles))
+    write_labels(axes, labels, DrawnParts([], obstacles))
 
 
 class _Text(NamedTuple):
