@@ -133,7 +133,7 @@ def _templates(
                 "--kind: cases and studies are those of the stage with nine hinges, expected no "
                 "--case or --study"
             )
-        return {path: _Template(f"mechanism-{kind}", ("check", "view", "stiffness"))}
+        return {path: _Template(f"mechanism-{kind}", ("check", "view", "live", "stiffness"))}
     templates = {path: _Template("new-stage", ("check", "summary", "stiffness"))}
     if case:
         templates[path.with_stem(f"{path.stem}-case")] = _Template("new-case", ("verify",))

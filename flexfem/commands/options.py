@@ -39,6 +39,7 @@ MEASURED = {  # units of plain numbers of options, by direction for a vector
     "angle": (UNITS["deg"],),
     **dict.fromkeys(("kerf", "holes", "thickness", "tolerance"), (UNITS["mm"],)),
 }
+KINDS_IN_WORDS = {"str": "<text>", "int": "<number>", "float": "<number>"}  # of values, in help
 IN_EVERY_HELP = ("thickness", "material")  # options of drawings; `import` alone lists them all
 IMPORT = "import_drawing"
 
@@ -116,7 +117,8 @@ def _option(
     flags = (f"--{name.replace('_', '-')}", *flags)
     count = str(hint).count("float")
     if not count or name not in MEASURED:
-        return Annotated[hint, typer.Option(*flags, help=text, hidden=hidden)]
+        plain = typer.Option(*flags, help=text, hidden=hidden, metavar=_in_words(hint))
+        return Annotated[hint, plain]
     units = MEASURED[name][:count]
     is_read_by_function = "str" in str(hint)  # texts with units of other quantities
 
@@ -142,6 +144,12 @@ def _option(
         metavar=metavar,
     )
     return Annotated[kind, option]
+
+
+def _in_words(hint: Any) -> str | None:
+    """Return the kind of value of an option as help shows it; None for the usual name."""
+    kinds = re.findall(r"\b(?:str|int|float)\b", str(hint))
+    return KINDS_IN_WORDS[kinds[0]] if kinds else None
 
 
 def made_parameter(

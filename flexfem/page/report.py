@@ -59,15 +59,15 @@ def report(
     Parameters
     ----------
     files : path or sequence of path
-        A stage or mechanism file, a drawing, a study file whose designs are done, or results of
+        A mechanism or stage file, a drawing, a study file whose designs are done, or results of
         verify and design as JSON.
     output : Path
         Page to write, .html.
     sections : sequence of str
-        Sections of a stage, with commas: analytic, elements, budget, stress, drive, large, modes,
-        drift, life; or all. A mechanism has all but life.
+        Sections of the page, with commas: analytic, elements, budget, stress, drive, large, modes,
+        drift, and of a stage life; or all.
     amplitude : tuple of float, optional
-        Amplitude of the platform for the section life, fully reversed: mm, mm, rad.
+        Amplitude of the platform of a stage for the section life, fully reversed: mm, mm, rad.
     folder : Path
         Folder of the results of a study.
     progress : callable, optional
