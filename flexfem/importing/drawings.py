@@ -20,6 +20,7 @@ from flexfem.importing.units import LARGEST_THICKNESS
 from flexfem.importing.write import Heading, WrittenMechanism, in_order, written
 from flexfem.mechanism.content import Origin
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.layout import UNMOVED, Move
 from flexfem.mechanism.loading import load as load_file
 from flexfem.mechanism.materials import materials
 from flexfem.mechanism.mechanism import Mechanism
@@ -315,22 +316,29 @@ def import_drawing(
 
 
 def imported(
-    source: Path, reading: Reading, name: str | None = None, wishes: Wishes | None = None
+    source: Path,
+    reading: Reading,
+    name: str | None = None,
+    wishes: Wishes | None = None,
+    move: Move = UNMOVED,
 ) -> ImportedPlate:
     """Read a drawing, recognise its parts, and make the mechanism.
 
-    wishes : stated parts, by default those of the reading. Raises BadInput as `import_drawing`.
+    wishes : stated parts, by default those of the reading; in the axes of the moved drawing.
+    move : of the drawing, before its parts are recognised.
+
+    Raises BadInput as `import_drawing`.
     """
     from flexfem.importing.read import read_drawing
     from flexfem.importing.recognise import recognise
 
     heading_of(source, reading, None, name)  # refuses before anything is computed
-    wishes = reading.wishes if wishes is None else wishes
+    wishes = reading.wishes.moved(move) if wishes is None else wishes
     options: dict[str, Any] = {"units": reading.units, "part": reading.part, "kerf": reading.kerf}
     if reading.tolerance is not None:
         options["tolerance"] = reading.tolerance
     drawing = read_drawing(source, thickness=reading.thickness, **options)
-    found = recognise(drawing)
+    found = recognise(drawing if move == UNMOVED else drawing.moved(move))
     return assembled(found, wishes, heading_of(source, reading, drawing.thickness, name))
 
 

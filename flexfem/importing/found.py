@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from shapely import Polygon
 
-from flexfem.mechanism.outlines import Segment
+from flexfem.mechanism.layout import Move
+from flexfem.mechanism.outlines import Segment, reverse
 
 
 class DrawnMark(NamedTuple):
@@ -39,6 +41,27 @@ class Drawing(NamedTuple):
     marks: tuple[DrawnMark, ...]
     deviation: float
     notes: tuple[str, ...]
+
+    def moved(self, move: Move) -> Drawing:
+        """Return the plate after a move; loops keep their sense, also in a mirror image."""
+        marks = [mark._replace(points=tuple(map(move, mark.points))) for mark in self.marks]
+        return self._replace(
+            outside=_moved_loop(self.outside, move),
+            holes=tuple(_moved_loop(hole, move) for hole in self.holes),
+            marks=tuple(marks),
+        )
+
+
+def _moved_loop(loop: Sequence[Segment], move: Move) -> tuple[Segment, ...]:
+    moved = [
+        Segment(
+            move(each.start),
+            move(each.end),
+            None if each.centre is None else move(each.centre),
+        )
+        for each in loop
+    ]
+    return tuple(reverse(moved)) if move.mirrored else tuple(moved)
 
 
 class FoundBody(NamedTuple):

@@ -18,6 +18,7 @@ from flexfem.arrays import Array
 from flexfem.files.refusals import place_of, shown
 from flexfem.importing.found import DrawnMark, FoundBody, FoundPlate
 from flexfem.importing.layers import is_ground, is_output
+from flexfem.mechanism.layout import Move
 from flexfem.mechanism.outlines import Segment, circle_of, polygon_points
 from flexfem.refused import BadInput
 
@@ -74,6 +75,15 @@ class Wishes(NamedTuple):
     pose: complex | None = None
     clamp_holes: bool = False
     actuators: tuple[tuple[complex, complex, str], ...] = ()
+
+    def moved(self, move: Move) -> Wishes:
+        """Return the same wishes of a drawing that is moved."""
+        return self._replace(
+            ground=tuple(map(move, self.ground)),
+            output=None if self.output is None else move(self.output),
+            pose=None if self.pose is None else move(self.pose),
+            actuators=tuple((move(near), move(far), stack) for near, far, stack in self.actuators),
+        )
 
 
 def point_of(name: str, text: Any) -> complex:

@@ -57,6 +57,9 @@ class Move(NamedTuple):
         )
 
 
+UNMOVED = Move()
+
+
 class Constants(NamedTuple):
     """Constants of a material as the plane problem has them.
 

@@ -24,7 +24,7 @@ from flexfem.plot.style import (
     titled,
 )
 from flexfem.questions.comparison import EQUAL_EDGES, Comparison, Labelled
-from flexfem.questions.departed import ComparedPlate, moved
+from flexfem.questions.departed import ComparedPlate
 from flexfem.results import SPACE
 from flexfem.units import unit_for
 
@@ -87,8 +87,8 @@ def _draw(
     subject: Labelled,
     look: Look,
 ) -> Array:
-    """Draw the edges and ports of a mechanism in the axes of the first; return points (n, 2)."""
-    shape = moved(plate_polygon(subject.layout), subject.move)
+    """Draw the edges and ports of a mechanism; return points (n, 2)."""
+    shape = plate_polygon(subject.layout)
     _draw_edges(ax, shape, look)
     _draw_ports(ax, subject, look)
     return np.asarray(shapely.get_coordinates(shape))
@@ -123,7 +123,7 @@ def _draw_ports(
     for number, (_, contact) in enumerate(subject.layout.points):
         marker = "+" if number else "o"
         ax.plot(
-            *xy(subject.move(contact.point)),
+            *xy(contact.point),
             marker,
             color=colour,
             markersize=size,
@@ -131,7 +131,7 @@ def _draw_ports(
             zorder=6,
         )
     for actuator in subject.layout.actuators:
-        ends = np.array([xy(subject.move(each.point)) for each in actuator.contacts])
+        ends = np.array([xy(each.point) for each in actuator.contacts])
         ax.plot(
             *ends.T,
             ".-",
@@ -162,7 +162,7 @@ def overlay_figure(found: Comparison) -> Figure:
 
 def _height(found: Comparison, count: int) -> float:
     """Return the height of the drawings on a page, in."""
-    shapes = [moved(plate_polygon(each.layout), each.move) for each in found.subjects]
+    shapes = [plate_polygon(each.layout) for each in found.subjects]
     bounds = np.reshape(shapely.total_bounds(shapes), (2, 2))
     wide, high = np.ptp(bounds, axis=0)
     width = (WIDTH - 0.6) / (1 + SIDE * (count - 1))
@@ -186,7 +186,7 @@ def _plot_magnified(
 ) -> None:
     """Draw the edges around the largest departure, which a mark of its size measures."""
     for each, look in zip(found.subjects, looks(found), strict=True):
-        _draw_edges(ax, moved(fine_polygon(each.layout), each.move), look)
+        _draw_edges(ax, fine_polygon(each.layout), look)
     x, y = plate.edge_off_at_mm
     half = WINDOW / 2 * plate.edge_off_um / 1e3
     ax.set(xlim=(x - half, x + half), ylim=(y - half, y + half))

@@ -5,22 +5,29 @@ from __future__ import annotations
 import cmath
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import shapely
 
-from flexfem.files.refusals import checked_path
+from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike
-from flexfem.importing.drawings import NO_READING, Reading, imported, is_drawing, load
+from flexfem.importing.drawings import (
+    NO_READING,
+    ImportedPlate,
+    Reading,
+    imported,
+    is_drawing,
+    load,
+)
 from flexfem.importing.roles import Wishes
-from flexfem.mechanism.layout import Layout, Move
+from flexfem.mechanism.layout import UNMOVED, Layout, Move
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon, plate_mass
 from flexfem.questions.comparison import Comparison, Labelled, inputs_of
-from flexfem.questions.departed import compared_plate, inverse, registered
+from flexfem.questions.departed import compared_plate, is_other_design, registered
 from flexfem.questions.drive import drive
 from flexfem.questions.gravity import gravity
 from flexfem.questions.heat import drift
@@ -37,7 +44,7 @@ from flexfem.questions.side_by_side import (
     parasitic,
 )
 from flexfem.questions.stiffness import stiffness
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import Progress, Result
 from flexfem.units import PLANES
 
@@ -76,8 +83,8 @@ LINEAR = {"yield_range": "linear range at yield"}
 EXPLAINED = {  # by a short name that is shown
     "drive motion": "drive motion, force, stress: at the full stroke of an actuator",
     "parasitic motion": (
-        "parasitic motion: of the output across a push along the direction, x or y, that is the "
-        "softest of the first mechanism, per motion along it; the other directions are free"
+        "parasitic motion: of the output across a push along x or y, per motion along it, the other "
+        "directions free; the direction is that of the drive, or the softest, of the first mechanism"
     ),
     "first out of plane": "first out of plane: first natural frequency out of the plane",
 }
@@ -159,7 +166,7 @@ def compare(
     shown = {each.quantity for each in numbers if each.main and not each.is_zero}
     notes += [text for name, text in EXPLAINED.items() if name in shown]
     base = subjects[0].layout
-    plates = [compared_plate(each.label, base, each.layout, each.move) for each in subjects[1:]]
+    plates = [compared_plate(each.label, base, each.layout) for each in subjects[1:]]
     return Comparison(
         subjects=subjects,
         settings={"question": question, **asked},
@@ -187,12 +194,12 @@ def _subjects(
     subjects = list[Labelled]()
     for label, source in zip(distinct_labels(sources), sources, strict=True):
         if isinstance(source, Mechanism):
-            subjects.append(Labelled(label, source, Move()))
+            subjects.append(Labelled(label, source))
         elif is_drawing(source) and subjects:
             subjects.append(_drawn(label, source, reading, subjects[0].mechanism, notes))
         else:
             stated = reading if is_drawing(source) else NO_READING
-            subjects.append(Labelled(label, load(source, stated), Move()))
+            subjects.append(Labelled(label, load(source, stated)))
     return subjects
 
 
@@ -242,41 +249,55 @@ def _drawn(
     base: Mechanism,
     notes: list[str],
 ) -> Labelled:
-    """Return the mechanism of a drawing with the roles of the parts of another, and the move to its
-    axes.
-    """
+    """Return the mechanism of a drawing in the axes of the first one, with the roles of its parts."""
     stated = reading._replace(material=reading.material or "al-7075-t6")
     if reading.thickness is None:
         stated = stated._replace(thickness=float(base.thickness))
     plate = imported(path, stated)
     move = registered(base.layout, plate.mechanism.layout)
-    if move != Move():
+    wishes = None
+    if is_other_design(base.layout, plate.mechanism.layout, move):
+        move = UNMOVED
+        notes.append(f"{label}: ground and output are those recognised in the drawing")
+    elif reading.wishes == Wishes():
+        wishes = _wishes(base.layout)
+    if move != UNMOVED or wishes is not None:
+        plate = _again(path, stated, wishes, move)
+    if move != UNMOVED:
         turn = math.degrees(cmath.phase(move.factor))
         flipped = ", turned over" if move.mirrored else ""
         notes.append(
             f"the drawing {label} has other axes: it was turned by {turn:.6g} degrees{flipped} and "
             f"moved by {move.shift.real:.6g}, {move.shift.imag:.6g} mm"
         )
-    if reading.wishes == Wishes():
-        plate = imported(path, stated, wishes=_wishes(base.layout, move))
     mechanism: Mechanism = plate.mechanism
     if not reading.material:
         mechanism = mechanism.replace(material=base.material.model_dump(exclude_none=True))
-    return Labelled(label, mechanism, move)
+    return Labelled(label, mechanism)
 
 
-def _wishes(base: Layout, move: Move) -> Wishes:
-    """Return the ground and the output of a layout as points of a drawing that a move takes to its
-    axes.
-    """
-    back = inverse(move)
+def _again(
+    path: Path,
+    stated: Reading,
+    wishes: Wishes | None,
+    move: Move,
+) -> ImportedPlate:
+    """Return the plate of a drawing in the axes of the first mechanism, and with its roles."""
+    try:
+        return imported(path, stated, wishes=wishes, move=move)
+    except BadInput as refused:
+        raise BadInput(f"{refused}, as in the first mechanism", place_of(path)) from None
+
+
+def _wishes(base: Layout) -> Wishes:
+    """Return the ground and the output of a layout as points."""
     ground = list[complex]()
     for index, body in enumerate(base.bodies):
         if body.fixed:
-            ground.append(back(_inside(body_polygon(base, index))))
-        ground += [back(complex(body.outline[segment].at(0.5))) for segment in body.clamped]
+            ground.append(_inside(body_polygon(base, index)))
+        ground += [complex(body.outline[segment].at(0.5)) for segment in body.clamped]
     output = base.points[0][1]
-    return Wishes(tuple(ground), back(_inside(body_polygon(base, output.body))), back(output.point))
+    return Wishes(tuple(ground), _inside(body_polygon(base, output.body)), output.point)
 
 
 def _inside(polygon: Any) -> complex:
@@ -333,10 +354,23 @@ def _answers(
                 options["models"] = "both"
             if name == "modes" and question == "summary":
                 options["count"] = 1
-            answers[name] = QUESTIONS[name](each.mechanism, **options)
+            answers[name] = _asked(name, each, options)
         found.append(answers)
         if progress is not None:
             progress(f"{number + 1} of {len(subjects)} mechanisms")
+    return found
+
+
+def _asked(
+    name: str,
+    subject: Labelled,
+    options: Mapping[str, Any],
+) -> Result:
+    """Return the answer of a question about one mechanism, which a failure names."""
+    try:
+        found: Result = QUESTIONS[name](subject.mechanism, **options)
+    except ComputationFailed as failure:
+        raise ComputationFailed(f"{subject.label}: {failure}") from None
     return found
 
 

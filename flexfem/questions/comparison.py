@@ -17,7 +17,7 @@ from flexfem.arrays import LONGEST, Array
 from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import as_key, checked_path, nearest
 from flexfem.lazy import named
-from flexfem.mechanism.layout import Layout, Move
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.departed import ComparedPlate
 from flexfem.questions.side_by_side import (
@@ -58,11 +58,10 @@ COUNTED = {
 
 
 class Labelled(NamedTuple):
-    """A compared mechanism, its label, and the move to the axes of the first one."""
+    """A compared mechanism, and its label."""
 
     label: str
     mechanism: Mechanism
-    move: Move
 
     @property
     def layout(self) -> Layout:
@@ -137,7 +136,7 @@ class Comparison:
     @property
     def _doubts(self) -> Assumptions:
         found = Assumptions([], [])
-        for label, mechanism, _ in self.subjects:
+        for label, mechanism in self.subjects:
             found.assumed.extend(f"{label}: {key}" for key in mechanism.assumed)
             found.not_stated.extend(f"{label}: {key}" for key in mechanism.not_stated)
         return found
@@ -247,7 +246,7 @@ class Comparison:
                 "file": str(mechanism.origin),
                 "hash": mechanism.hash,
             }
-            for label, mechanism, _ in self.subjects
+            for label, mechanism in self.subjects
         ]
         return {
             "result": "comparison",
@@ -474,8 +473,21 @@ def inputs_of(subjects: Sequence[Labelled]) -> list[ComparedInput]:
         texts = ["" if value is None else _input_text(key, value) for value in values]
         if any(value != values[0] for value in values):
             is_single = not any(isinstance(value, tuple) for value in values)
-            found.append(ComparedInput(key, texts, is_single and "" not in texts))
+            found.append(
+                ComparedInput(
+                    key=key,
+                    values=texts,
+                    main=is_single and "" not in texts and _is_of_one_part(key, mechanisms),
+                )
+            )
     return found
+
+
+def _is_of_one_part(key: str, mechanisms: Sequence[Mechanism]) -> bool:
+    """Return whether a key with a number of a part, `hinge[2].neck_mm`, is of equal names in all."""
+    part = key.rpartition("]")[0]
+    names = {each.values.get(f"{part}].name") for each in mechanisms}
+    return not part or len(names) == 1
 
 
 def _input_text(key: str, value: Any) -> str:

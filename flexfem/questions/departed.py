@@ -68,12 +68,11 @@ def compared_plate(
     label: str,
     base: Layout,
     other: Layout,
-    move: Move,
 ) -> ComparedPlate:
-    """Return the departure of a plate, which a move takes to the axes of the first one."""
-    compared = [*_hinges(base, other, move)]
+    """Return the departure of a plate from the first one."""
+    compared = [*_hinges(base, other)]
     hinges = [each for each in compared if each.other or any(each[1:-1])]
-    found = departure(fine_polygon(base), moved(fine_polygon(other), move))
+    found = departure(fine_polygon(base), fine_polygon(other))
     return ComparedPlate(
         mechanism=label,
         edge_off_um=_digits(1e3 * found.largest, 3),
@@ -103,6 +102,15 @@ def registered(base: Layout, other: Layout) -> Move:
     return best if off < _area_off(one, two) else Move()
 
 
+def is_other_design(
+    base: Layout,
+    other: Layout,
+    move: Move,
+) -> bool:
+    """Return whether the areas of two plates differ so much that their parts do not correspond."""
+    return _area_off(plate_polygon(base), moved(plate_polygon(other), move)) > OTHER_DESIGN
+
+
 def _corner(shape: Any, first: int) -> complex:
     bounds = shapely.total_bounds(shape)
     return complex(bounds[first], bounds[first + 1])
@@ -124,20 +132,9 @@ def moved(shape: Any, move: Move) -> Any:
     return shapely.transform(shape, image)
 
 
-def inverse(move: Move) -> Move:
-    """Return the move that takes moved points back."""
-    factor = move.factor if move.mirrored else move.factor.conjugate()
-    back = Move(factor, 0j, move.mirrored)
-    return back._replace(shift=-back(move.shift))
-
-
-def _hinges(
-    base: Layout,
-    other: Layout,
-    move: Move,
-) -> Iterator[ComparedHinge]:
+def _hinges(base: Layout, other: Layout) -> Iterator[ComparedHinge]:
     """Yield the differences of all hinges, and the hinges that only one of the plates has."""
-    places = np.array([move(joint.place) for joint in other.joints])
+    places = np.array([joint.place for joint in other.joints])
     taken = set[int]()
     for joint in base.joints:
         gaps = np.abs(places - joint.place)
@@ -146,7 +143,7 @@ def _hinges(
             yield ComparedHinge(joint.name, None, None, None, None, "there is none at its place")
             continue
         taken.add(nearest)
-        yield _compared(joint, other.joints[nearest], move)
+        yield _compared(joint, other.joints[nearest])
     for index, joint in enumerate(other.joints):
         if index not in taken:
             at = f"{places[index].real:.4g}, {places[index].imag:.4g} mm"
@@ -155,14 +152,10 @@ def _hinges(
             )
 
 
-def _compared(
-    one: Joint,
-    other: Joint,
-    move: Move,
-) -> ComparedHinge:
+def _compared(one: Joint, other: Joint) -> ComparedHinge:
     first = one.profile
     second = other.profile
-    angle = move.heading(other.heading) - one.heading
+    angle = other.heading - one.heading
     turned = math.degrees(cmath.phase(cmath.exp(2j * angle))) / 2  # a neck has no sense
     remarks = list[str]()
     if type(first) is not type(second):
@@ -174,7 +167,7 @@ def _compared(
         neck_um=_microns(second.neck - first.neck),
         length_um=_microns(second.length - first.length),
         radius_um=_larger_radius(first, second),
-        off_um=_microns(abs(move(other.place) - one.place)),
+        off_um=_microns(abs(other.place - one.place)),
         other=", ".join(remarks),
     )
 

@@ -345,13 +345,12 @@ def _cell(
 
 
 def parasitic(sides: Sequence[Answers]) -> list[ComparedNumber]:
-    """Return the motions across the softest translation of the first mechanism, per its motion.
+    """Return the motions across one translation of the output, per its motion along it.
 
-    The output is pushed along this direction, x or y, with the others free.
+    The output is pushed along this direction with the others free. It is x or y: that in which the
+    drive of the first mechanism moves it most, without a drive its softest one.
     """
-    first = sides[0]["stiffness"]
-    diagonal = np.diag(first.at("compliance", model=first.axes["model"][-1]))
-    along = int(np.argmax(diagonal[:2]))
+    along = _used_direction(sides[0])
     pushed = DIRECTIONS[along]
     found = list[ComparedNumber]()
     for across in range(3):
@@ -369,6 +368,18 @@ def parasitic(sides: Sequence[Answers]) -> list[ComparedNumber]:
             )
         )
     return found
+
+
+def _used_direction(answers: Answers) -> int:
+    """Return the index of the translation, x or y, for which a mechanism is likely made."""
+    if "drive" in answers:
+        driven = answers["drive"]
+        output = driven.axes["point"][0]
+        motion = driven.at("motion", point=output, model=driven.axes["model"][-1])
+        return int(np.argmax(np.max(np.abs(motion[:, :2]), axis=0)))
+    at_rest = answers["stiffness"]
+    compliance = at_rest.at("compliance", model=at_rest.axes["model"][-1])
+    return int(np.argmax(np.diag(compliance)[:2]))
 
 
 def _ratio(

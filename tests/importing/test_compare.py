@@ -6,19 +6,28 @@ from __future__ import annotations
 
 import math
 
+import ezdxf
 import numpy as np
 import pytest
 import shapely
+from ezdxf.math import Matrix44
 
 import flexfem as api
 from flexfem.importing.departure import departure, fine_polygon
 from flexfem.mechanism.edges import mapped
 from flexfem.mechanism.layout import Move
 from flexfem.mechanism.outlines import disc, reverse
-from flexfem.questions.departed import inverse, moved, registered
+from flexfem.questions.departed import moved, registered
 from flexfem.refused import BadInput
 
 STAGE = "geometry/parallelogram.toml"
+
+
+def inverse(move):
+    """The move that takes moved points back."""
+    factor = move.factor if move.mirrored else move.factor.conjugate()
+    back = Move(factor, 0j, move.mirrored)
+    return back._replace(shift=-back(move.shift))
 
 
 @pytest.fixture
@@ -119,6 +128,31 @@ def test_a_drawing_with_other_axes_is_brought_back(move):
     assert found.factor == pytest.approx(move.factor) and found.shift == pytest.approx(
         move.shift, abs=1e-5
     )
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_numbers_of_a_turned_drawing_are_those_in_the_axes_of_the_mechanism(side, tmp_path):
+    """Its stiffness along x is along y of the sheet; a thicker leaf counts with its cube."""
+    base = tmp_path / "plane.toml"
+    plane = api.load(STAGE).replace(model="plane_stress", actuator=())
+    plane.save(base)
+    sheet = tmp_path / "turned.dxf"
+    api.export(plane.replace(parameters={"neck_mm": 0.51}), sheet)
+    document = ezdxf.readfile(sheet)
+    turn = Matrix44.scale(side, 1, 1) @ Matrix44.z_rotate(math.pi / 2)
+    for entity in document.modelspace():
+        entity.transform(turn @ Matrix44.translate(100, 30, 0))
+    document.saveas(sheet)
+    found = api.compare(base, sheet, question="stiffness", models="analytic")
+    assert any("turned over" in text for text in found.notes) == (side == -1)
+    assert any("turned has other axes" in text for text in found.notes)
+    change = found.change("stiffness.free.x")[1]
+    assert change == pytest.approx(100 * ((0.51 / 0.5) ** 3 - 1), rel=0.02)
+    assert found.change("stiffness.free.y")[1] == pytest.approx(2.0, abs=0.1)
+    coupling = found.number("stiffness.compliance.x.theta")
+    assert coupling.values[1] == pytest.approx(coupling.values[0], rel=0.1)  # with its sign
+    (plate,) = found.plates
+    assert [each.neck_um for each in plate.hinges] == pytest.approx([10.0, 10.0], abs=0.1)
 
 
 def move_layout(layout, move):
