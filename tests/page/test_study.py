@@ -141,10 +141,8 @@ def test_a_study_that_was_run_becomes_a_page(flexfem):
     said = json.loads(out)
     html = Path("page.html").read_text()
     assert said["bytes"] == len(html.encode()) < 1e6 and said["written"] == "page.html"
-    assert said["sections"][:2] == [
-        "Stiffness xx against range in x at yield",
-        "Settings of the study",
-    ]
+    assert said["sections"][0] == "Stiffness xx against range in x at yield"
+    assert "Settings of the study" in said["sections"]
     assert "flexfem report small.toml -o page.html --folder kept" in html
 
 
