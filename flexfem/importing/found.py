@@ -44,7 +44,7 @@ class Drawing(NamedTuple):
 
     def moved(self, move: Move) -> Drawing:
         """Return the plate after a move; loops keep their sense, also in a mirror image."""
-        marks = [mark._replace(points=tuple(map(move, mark.points))) for mark in self.marks]
+        marks = [mark._replace(points=tuple(move(z) for z in mark.points)) for mark in self.marks]
         return self._replace(
             outside=_moved_loop(self.outside, move),
             holes=tuple(_moved_loop(hole, move) for hole in self.holes),

@@ -79,7 +79,7 @@ class Wishes(NamedTuple):
     def moved(self, move: Move) -> Wishes:
         """Return the same wishes of a drawing that is moved."""
         return self._replace(
-            ground=tuple(map(move, self.ground)),
+            ground=tuple(move(z) for z in self.ground),
             output=None if self.output is None else move(self.output),
             pose=None if self.pose is None else move(self.pose),
             actuators=tuple((move(near), move(far), stack) for near, far, stack in self.actuators),
