@@ -264,7 +264,7 @@ class Tables:
         index = dict(zip(quantity.over, at, strict=True))
         axes = reversed(quantity.largest)
         where = ", ".join(self.result.axes[axis][index[axis]] for axis in axes)
-        if self.brief and quantity.largest == ("limit",):
+        if _is_named(quantity):
             return where  # its number is always 1
         return f"{text}\n{where}" if self.plain else f"{text} ({where})"
 
@@ -389,7 +389,7 @@ def sentences(result: Declared, brief: bool = False) -> list[str]:
     found = list(result.footnotes)
     explained = list[Quantity]()
     for name, one in result.quantities.items():
-        if one.shown and name in result.values and not (brief and _needs_no_note(one)):
+        if one.shown and name in result.values and not (_is_named(one) or brief and one.detail):
             explained.append(one)
     if any(map(_has_others, explained)) and not any(text.startswith("others:") for text in found):
         found.append(OTHERS)
@@ -408,9 +408,9 @@ def _has_others(one: Quantity) -> bool:
     return "other directions" in one.meaning or "others" in one.over
 
 
-def _needs_no_note(one: Quantity) -> bool:
-    """Whether brief tables leave a quantity out, or show words in place of its numbers."""
-    return one.detail or one.largest == ("limit",)
+def _is_named(one: Quantity) -> bool:
+    """Whether tables show words in place of the numbers of a quantity, and no note on these."""
+    return one.largest == ("limit",)
 
 
 def left_out(result: Declared) -> list[str]:
