@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.body_stress import body_loads_apart
@@ -59,7 +61,8 @@ def section_wrench(
 
     They act on the material at the left of the line: the axial force is along the normal to the
     right, so that tension is positive, the shear force along the line, and the moment about the
-    middle of the line.
+    middle of the line. A piece of material counts as a whole, from edge to edge, if its middle is
+    between the ends, which may therefore be on its edges.
 
     Raises ValueError without material at the line.
     """
@@ -70,12 +73,26 @@ def section_wrench(
     left = ((middles - start) * along.conjugate()).imag > 0
     at = ((mesh.nodes @ [1, 1j] - start) * along.conjugate()).real
     both = np.intersect1d(mesh.triangles[left], mesh.triangles[~left])
-    nodes = both[(at[both] > 0) & (at[both] < length)]
+    pieces = _pieces(mesh.triangles[left], both)
+    middle = [(at[piece].min() + at[piece].max()) / 2 for piece in pieces]
+    within = [piece for piece, x in zip(pieces, middle, strict=True) if 0 < x < length]
+    nodes = np.concatenate([both[:0], *within])
     if not len(nodes):
         raise ValueError("no material")
     touching = left & np.isin(mesh.triangles, nodes).any(axis=1)
     heading = float(np.angle(-1j * along))
     return _resultant(response, field, touching, nodes, (start + end) / 2, heading)
+
+
+def _pieces(triangles: Index, nodes: Index) -> list[Index]:
+    """Return nodes by pieces of material: those of one triangle (n, 6) are in one piece."""
+    shared = np.isin(triangles, nodes)
+    triangle, corner = np.nonzero(shared)
+    node = np.searchsorted(nodes, triangles[triangle, corner])
+    ones = np.ones(len(node))
+    incident = coo_matrix((ones, (node, triangle)), shape=(len(nodes), len(triangles))).tocsr()
+    count, piece = connected_components(incident @ incident.T, directed=False)
+    return [nodes[piece == number] for number in range(count)]
 
 
 def _resultant(

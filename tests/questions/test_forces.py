@@ -63,7 +63,9 @@ QUICK = {"resolution": 4}
 
 @pytest.fixture(scope="module")
 def found():
-    return flexfem.forces(bar(), **LOAD, section=["50,-5,50,5", (70.0, 5.0, 70.0, -5.0)], **QUICK)
+    edges = f"55,{-WIDTH / 2},55,{WIDTH / 2}"
+    sections = ["50,-5,50,5", (70.0, 5.0, 70.0, -5.0), edges]
+    return flexfem.forces(bar(), **LOAD, section=sections, **QUICK)
 
 
 def test_forces_through_a_hinge_are_those_of_statics_in_all_models(found):
@@ -98,6 +100,13 @@ def test_forces_through_a_section_are_those_of_statics(found):
     down = found.at("force", section="(70, 5) to (70, -5)", model="finite elements")
     np.testing.assert_allclose(down, [3.0, -2.0, -(25.0 - 2.0 * 10.0)], rtol=STATICS)
     assert np.isnan(found.at("force", section="(50, -5) to (50, 5)", model="analytic")).all()
+
+
+def test_a_section_from_edge_to_edge_takes_all_of_the_material(found):
+    """Without the nodes on the edges the moment was half of that of statics."""
+    *_, edges = found.axes["section"]
+    through = found.at("force", section=edges, model="finite elements")
+    np.testing.assert_allclose(through, [3.0, -2.0, 25.0 - 2.0 * 25.0], rtol=STATICS)
 
 
 @pytest.mark.slow
