@@ -389,7 +389,7 @@ def sentences(result: Declared, brief: bool = False) -> list[str]:
     found = list(result.footnotes)
     explained = list[Quantity]()
     for name, one in result.quantities.items():
-        if one.shown and name in result.values and not (_is_named(one) or brief and one.detail):
+        if one.shown and name in result.values and not (_is_named(one) or (brief and one.detail)):
             explained.append(one)
     if any(map(_has_others, explained)) and not any(text.startswith("others:") for text in found):
         found.append(OTHERS)
