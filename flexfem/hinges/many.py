@@ -59,15 +59,11 @@ def varying(profile: Profile) -> list[str]:
     return [name for name in names if isinstance(getattr(profile, name), np.ndarray)]
 
 
-def _parts(
-    profile: Profile,
-    count: int,
-    size: int,
-) -> Iterator[tuple[slice, Profile]]:
-    """Yield the profile of some designs at a time."""
+def in_parts(profile: Profile, count: int) -> Iterator[tuple[slice, Profile]]:
+    """Yield the profile of `AT_ONCE` of n designs at a time."""
     names = varying(profile)
-    for start in range(0, count, size):
-        part = slice(start, start + size)
+    for start in range(0, count, AT_ONCE):
+        part = slice(start, start + AT_ONCE)
         dimensions = {name: getattr(profile, name)[part] for name in names}
         yield part, replace(profile, **dimensions)
 
@@ -76,7 +72,7 @@ def beam_integrals(profile: Profile, count: int) -> BeamIntegrals:
     """Return the beam integrals of n designs, or of one where no dimension varies."""
     if not varying(profile):
         return BeamIntegrals(*_integrals(profile))
-    found = [_integrals(part) for _, part in _parts(profile, count, AT_ONCE)]
+    found = [_integrals(part) for _, part in in_parts(profile, count)]
     return BeamIntegrals(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
 
@@ -118,7 +114,7 @@ def highest_stress(
     ratio = np.broadcast_to(out_of_plane, (count,))[:, None]
     free_edge = np.sqrt(1 - ratio + ratio**2)
     once = None if names else _envelope(profile)
-    for part, some in _parts(profile, count, AT_ONCE):
+    for part, some in in_parts(profile, count):
         envelope = _envelope(some) if once is None else once
         along[part] = envelope.highest(wrenches[part])
         neck = some.neck

@@ -13,16 +13,24 @@ from graphlib import TopologicalSorter
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.expressions import Evaluated, names_in, text_of, value_of
 from flexfem.files.quantities import Limits
-from flexfem.mechanism.assembly import GROUND
+from flexfem.mechanism.assembly import GROUND, layout_of
 from flexfem.mechanism.copies import PlacedPart, placed_parts
 from flexfem.mechanism.layout import Constants, Move, Patch
-from flexfem.mechanism.layouts import HingeDesigns, InputDesigns, Layouts, Number, Refusal
+from flexfem.mechanism.layouts import (
+    HingeDesigns,
+    InputDesigns,
+    Layouts,
+    Number,
+    PayloadDesigns,
+    Refusal,
+)
 from flexfem.mechanism.materials import FATIGUE, Material
-from flexfem.mechanism.parts import Copies, MechanismTables, PlateHinge
+from flexfem.mechanism.parts import Copies, MechanismTables, PlateActuator, PlateHinge
 from flexfem.mechanism.profile import Profile
 from flexfem.mechanism.profile_shape import BadDimension
 from flexfem.mechanism.profiles import profile_of
@@ -102,6 +110,7 @@ class Numbers:
         self.varied = _varied_names(mechanism, given)
         self.refusals = list[Refusal]()
         self._parameters = self._evaluated_parameters()
+        self._fields = dict[int, tuple[str, ...]]()
         self._known = dict[tuple[str, float], Array]()
         self._refuse_limits()
 
@@ -183,6 +192,37 @@ class Numbers:
         """Return the number at a key path, which may be given; `factor` as of its `Limits`."""
         return factor * self.given[path] if path in self.given else self(value)
 
+    def at_design(self, value: Any, design: int) -> Any:
+        """Return a table, or a number, with the numbers of one design in place of expressions."""
+        if isinstance(value, Evaluated):
+            return float(self(value)[design]) if self._varies(value) else value  # type: ignore[index]
+        if isinstance(value, tuple):
+            return tuple(self.at_design(each, design) for each in value)
+        changes = {name: self.at_design(getattr(value, name), design) for name in self._in(value)}
+        if not changes:
+            return value
+        copy = BaseModel.model_copy(value, update=changes)
+        for name in copy.__dict__.keys() - type(value).model_fields.keys():
+            del copy.__dict__[name]  # what was computed from the numbers of the base
+        return copy
+
+    def _in(self, table: Any) -> tuple[str, ...]:
+        """Return the names of the fields of a table in which numbers vary."""
+        if not isinstance(table, BaseModel):
+            return ()
+        if id(table) not in self._fields:
+            names = tuple(name for name, value in table if self._holds(value))
+            self._fields[id(table)] = names
+        return self._fields[id(table)]
+
+    def _holds(self, value: Any) -> bool:
+        """Return whether a value of a table has a number that varies."""
+        if isinstance(value, Evaluated):
+            return self._varies(value)
+        if isinstance(value, tuple):
+            return any(map(self._holds, value))
+        return bool(self._in(value))
+
     def point(self, corner: Sequence[float]) -> AnyArray:
         """Return a point of the file, complex, of all designs () or (n,)."""
         return np.asarray(self(corner[0]) + 1j * np.asarray(self(corner[1])))
@@ -259,7 +299,23 @@ def layouts_of(
         numbers.at("thickness_mm", mechanism.thickness),
         plate.yield_strength,
         (*numbers.refusals, *refusals),
+        tuple(_material_of(part, numbers) for part in bodies),
+        tuple(_payloads(numbers, points[0])),
+        lambda design: layout_of(numbers.at_design(mechanism, design)),
     )
+
+
+def _payloads(numbers: Numbers, output: Patch) -> Iterator[PayloadDesigns]:
+    load = numbers.mechanism.payload
+    if load is not None:
+        yield PayloadDesigns(output, numbers(load.mass), numbers(load.inertia))
+
+
+def _material_of(part: PlacedPart, numbers: Numbers) -> Constants:
+    """Return the constants of the material of a body or a hinge."""
+    if part.table.material is None:
+        return _constants(numbers, numbers.mechanism.material)
+    return _constants(numbers, part.table.material, f"{part.key}.material")
 
 
 def _moves(copies: Copies, numbers: Numbers) -> Iterator[Move]:
@@ -317,18 +373,13 @@ def _hinge(
         refusals += _refused_cuts(part, profile, numbers)
     if part.move.mirrored:
         profile = profile.mirrored
-    mechanism = numbers.mechanism
-    if table.material is None:
-        material = _constants(numbers, mechanism.material)
-    else:
-        material = _constants(numbers, table.material, f"{part.key}.material")
     return HingeDesigns(
         part.name,
         ends,
         np.asarray(part.move(numbers.point(table.at))),
         _heading(part.move, numbers(table.direction)),
         profile,
-        material,
+        _material_of(part, numbers),
         part.key,
     )
 
@@ -408,4 +459,24 @@ def _input(
     with np.errstate(all="ignore"):
         direction = between / np.abs(between)
     near, far = (Patch(index[name], place) for name, place in zip(part.bodies, places, strict=True))
-    return InputDesigns(part.name, (near, far), direction)
+    stroke, stiffness = _rating(part.table, numbers)
+    mass = numbers(part.table.mass)
+    return InputDesigns(
+        part.name,
+        (near, far),
+        direction,
+        stiffness,
+        stroke,
+        mass,
+    )
+
+
+def _rating(table: PlateActuator, numbers: Numbers) -> tuple[Number, Number]:
+    """Return free stroke and stiffness of an actuator, as `RatedActuator.rating`."""
+    if table.stack is not None or table.stroke is None:
+        return table.rating.stroke, table.rating.stiffness
+    stroke = numbers(table.stroke)
+    if table.stiffness is not None:
+        return stroke, numbers(table.stiffness)
+    assert table.blocking_force is not None
+    return stroke, numbers(table.blocking_force) / stroke

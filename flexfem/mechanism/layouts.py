@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.mechanism.layout import Constants, Patch
+from flexfem.mechanism.layout import Constants, Layout, Patch
 from flexfem.mechanism.profile import Profile
 
 Number: TypeAlias = float | AnyArray
@@ -39,11 +39,25 @@ class HingeDesigns(NamedTuple):
 
 
 class InputDesigns(NamedTuple):
-    """An actuator of n designs: its contacts, and the direction (n,) of its force, complex."""
+    """An actuator of n designs, as `layout.LinearActuator`, with numbers or arrays (n,).
+
+    contacts : whose points are numbers or arrays (n,).   direction : (n,), of its force, complex.
+    """
 
     name: str
     contacts: tuple[Patch, Patch]
     direction: AnyArray
+    stiffness: Number
+    stroke: Number
+    mass: Number
+
+
+class PayloadDesigns(NamedTuple):
+    """A rigid payload of n designs, as `layout.PayloadMass`, with numbers or arrays (n,)."""
+
+    contact: Patch
+    mass: Number
+    inertia: Number
 
 
 class Layouts(NamedTuple):
@@ -52,6 +66,10 @@ class Layouts(NamedTuple):
     number : n.   held : whether each body is ground.   thickness : mm, and yield_strength : MPa, of
     the plate, numbers or arrays (n,).   points : contacts to read, the output first.
     refusals : what the closed-form conditions of the drawing refuse.
+    bodies : constants of their materials, numbers or arrays (n,).
+    drawn : function that returns the layout of one design by its index, with the outlines of its
+        bodies; its thickness and materials are those of the base. It raises BadInput for parts that
+        do not fit together.
     """
 
     number: int
@@ -62,6 +80,9 @@ class Layouts(NamedTuple):
     thickness: Number
     yield_strength: Number
     refusals: tuple[Refusal, ...]
+    bodies: tuple[Constants, ...]
+    payloads: tuple[PayloadDesigns, ...]
+    drawn: Callable[[int], Layout]
 
     @property
     def refused(self) -> AnyArray:

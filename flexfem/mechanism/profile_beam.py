@@ -103,25 +103,30 @@ class ProfileBeam(ProfileShape):
             yield first.real + along, step.real * weights, heights
             height = height + self._notches * step.imag
 
-    def opened_before(self, poissons_ratio: float) -> Array:
-        """Return the share (n, 3, 3) of an opening of the hinge that arises before each position of
-        `quadrature`.
+    def opened_before(self, poissons_ratio: ArrayLike) -> Array:
+        """Return the share (..., n, 3, 3) of an opening of the hinge that arises before each
+        position of `quadrature`.
 
         Under loads on its ends alone, the section there moves by the motion of the near end plus
         this share of the motion of the far end relative to it, as twists at the centre: axial,
         transverse, rotation.
+
+        poissons_ratio : (...).
         """
         x, weights = self.quadrature
         height = self.height(x)
         axial = weights / height
         bending = 12 * weights / height**3
+        shear = 2 * (1 + np.asarray(poissons_ratio, dtype=float))[..., None]
         # moments in the section by unit loads, and the integrands of `compliance`
         moment = np.stack([self.middle(x), -x, np.ones_like(x)], axis=-1)
-        parts = moment[:, :, None] * moment[:, None] * bending[:, None, None]
-        parts[:, 0, 0] += axial
-        parts[:, 1, 1] += SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
-        before = np.cumsum(parts, axis=0) - parts / 2
-        return np.asarray(before @ np.linalg.inv(np.sum(parts, axis=0)))
+        parts = moment[..., :, None] * moment[..., None, :] * bending[..., None, None]
+        parts = np.array(np.broadcast_to(parts, (*np.broadcast_shapes(shear.shape, x.shape), 3, 3)))
+        parts[..., 0, 0] += axial
+        parts[..., 1, 1] += SHEAR_CORRECTION * shear * axial
+        before = np.cumsum(parts, axis=-3) - parts / 2
+        whole = np.linalg.inv(np.sum(parts, axis=-3))
+        return np.asarray(before @ whole[..., None, :, :])
 
     @cached_property
     def quadrature(self) -> tuple[Array, Array]:

@@ -1,23 +1,25 @@
-"""Mechanisms at rest, many designs at once: the numbers of `stiffness` by the analytic network.
+"""Many designs of a mechanism at once: numbers of questions by the analytic network.
 
-Each number is that of `stiffness(mechanism, models="analytic", no_limits=True)` for every design,
-to round-off where hinges are plane. In three dimensions the ratios of their compliance to that in
-plane stress are given, since each takes milliseconds (`hinges.wide`).
+Each number is that of its question about every design, to round-off where hinges are plane: of
+`stiffness` without limits, of `drive`, and natural frequencies of `modes`. In three dimensions the
+ratios of the compliance of hinges to that in plane stress are given, since each takes milliseconds
+(`hinges.wide`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Collection, Mapping
+from typing import TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.batched import Bond, to_axes, twists_under
-from flexfem.analytic.network import GROUND
-from flexfem.arrays import AnyArray, Array, inverse
-from flexfem.hinges.many import beam_integrals, highest_stress, is_same
-from flexfem.mechanism.layout import Constants, Patch
-from flexfem.mechanism.layouts import HingeDesigns, Layouts
+from flexfem.analytic.design_modes import frequencies
+from flexfem.analytic.designs import DesignNetwork, RatiosOf
+from flexfem.arrays import Array, inverse
+from flexfem.mechanism.layout import ActuatorSet
+from flexfem.mechanism.layouts import Layouts
+from flexfem.questions.drive import AtStrokes, values_at_strokes
+from flexfem.questions.driven import DriveSystem
 
 OF_STRESS = ("stress", "yield_range", "free_yield_range", "yield_force")
 AT_REST = (
@@ -29,148 +31,60 @@ AT_REST = (
     "amplification",
     *OF_STRESS,
 )  # quantities of `Stiffness`
-RatiosOf = Callable[[HingeDesigns], Array | None]
-"""Function of a hinge that returns ratios (n, 3), or (3,), of its axial, transverse and rotational
-compliance to those in plane stress; None where they are one."""
+AT_STROKES = (
+    "motion",
+    "transmission",
+    "used",
+    "coupling",
+    "cross",
+    "rotation",
+    "force",
+    "stress",
+    "engaged",
+    "engaged_free",
+)  # quantities of `Drive`
+QUANTITIES: Mapping[str, tuple[str, ...]] = {
+    "stiffness": AT_REST,
+    "drive": AT_STROKES,
+    "modes": ("frequency",),
+}  # that arrays have, by question
 
 
-class AlikeHinges(NamedTuple):
-    """Hinges of equal profile and material in all designs.
+def answers(
+    layouts: Layouts, ratios_of: RatiosOf, wanted: Mapping[str, Collection[str]]
+) -> dict[str, dict[str, Array]]:
+    """Return quantities (n, ...) of n designs by question, in internal units.
 
-    numbers : of the hinges.   stiffness : (n, 3, 3), at the centre in their axes.   ratios : as of
-    `RatiosOf`.
+    wanted : names of quantities by question, of `QUANTITIES`. Stress, which takes most of the time,
+        is computed only where it is wanted.
+
+    nan for a design without a solution.
     """
-
-    numbers: tuple[int, ...]
-    stiffness: Array
-    ratios: Array | None
-
-
-def alike_hinges(layouts: Layouts) -> list[tuple[int, ...]]:
-    """Return the numbers of the hinges that are alike in profile and material, in groups."""
-    groups = list[list[int]]()
-    for number, hinge in enumerate(layouts.hinges):
-        for group in groups:
-            first = layouts.hinges[group[0]]
-            if is_same(first.profile, hinge.profile) and _same(first.material, hinge.material):
-                group.append(number)
-                break
-        else:
-            groups.append([number])
-    return [tuple(group) for group in groups]
-
-
-def _same(one: Constants, other: Constants) -> bool:
-    return all(np.array_equal(a, b) for a, b in zip(one[:5], other[:5], strict=True))
+    with np.errstate(all="ignore"):
+        network = DesignNetwork(layouts, ratios_of)
+        found = dict[str, dict[str, Array]]()
+        for question, names in wanted.items():
+            found[question] = ANSWERS[question](network, {*names})
+        return found
 
 
 def at_rest(
     layouts: Layouts, ratios_of: RatiosOf, wanted: Collection[str] = AT_REST
 ) -> dict[str, Array]:
-    """Return quantities of `AT_REST` (n, ...) of n designs, in internal units.
-
-    nan for a design without a solution. Stress, which takes most of the time, is computed where it
-    is `wanted`, or a range at yield.
-    """
-    with np.errstate(all="ignore"):
-        groups = [_with_stiffness(layouts, group, ratios_of) for group in alike_hinges(layouts)]
-        network = _Network(layouts, groups)
-        found = network.response()
-        values = _of_output(found.compliance[:, :3, :3])
-        values |= _of_inputs(found.compliance)
-        if not {*wanted}.isdisjoint(OF_STRESS):
-            values |= _of_stress(layouts, groups, found, values)
-        return values
+    """Return quantities of `AT_REST` (n, ...) of n designs, as `answers`."""
+    return answers(layouts, ratios_of, {"stiffness": wanted})["stiffness"]
 
 
-def _with_stiffness(
-    layouts: Layouts,
-    numbers: tuple[int, ...],
-    ratios_of: RatiosOf,
-) -> AlikeHinges:
-    hinge = layouts.hinges[numbers[0]]
-    E, nu, *_ = hinge.material
-    integrals = beam_integrals(hinge.profile, layouts.number)
-    compliance = integrals.compliance(E, nu, layouts.thickness)
-    ratios = ratios_of(hinge)
-    if ratios is not None:
-        roots = np.sqrt(ratios)
-        compliance = compliance * roots[..., :, None] * roots[..., None, :]
-    return AlikeHinges(numbers, inverse(compliance), ratios)
-
-
-class _Response(NamedTuple):
-    """Motions of the output and of the actuators per load on them, and wrenches by the former.
-
-    compliance : (n, 3 + a, 3 + a).   wrenches : (n, 3, 3), of each hinge per load on the output.
-    """
-
-    compliance: Array
-    wrenches: list[Array]
-
-
-class _Network:
-    """The bonds of n designs, with the places from the mean of the hinges, against round-off."""
-
-    def __init__(
-        self,
-        layouts: Layouts,
-        groups: Sequence[AlikeHinges],
-    ) -> None:
-        self.layouts = layouts
-        hinges = layouts.hinges
-        places = [np.broadcast_to(hinge.place, (layouts.number,)) for hinge in hinges]
-        self.centre = np.mean(places, axis=0)
-        stiffness = {number: group.stiffness for group in groups for number in group.numbers}
-        self.bonds = [
-            Bond(
-                (self._node(hinge.bodies[0]), self._node(hinge.bodies[1])),
-                to_axes(place - self.centre, hinge.heading),
-                stiffness[number],
-            )
-            for number, (hinge, place) in enumerate(zip(hinges, places, strict=True))
-        ]
-
-    def _node(self, body: int) -> int:
-        return GROUND if body < 0 or self.layouts.held[body] else body
-
-    def response(self) -> _Response:
-        """Return the response to unit loads on the output, then on the actuators."""
-        loads = self._loads()
-        twists = twists_under(self.bonds, loads)
-        compliance = np.sum(
-            [np.swapaxes(load, -1, -2) @ twists[body] for body, load in loads.items()], axis=0
-        )
-        of_output = {body: twist[..., :3] for body, twist in twists.items()}
-        return _Response(compliance, [bond.wrench(of_output) for bond in self.bonds])
-
-    def _loads(self) -> dict[int, Array]:
-        """Return wrenches (n, 3, 3 + a) at the centre, by body."""
-        inputs = self.layouts.inputs
-        loads = dict[int, Array]()
-
-        def add(
-            contact: Patch,
-            place: int,
-            wrenches: AnyArray,
-        ) -> None:
-            body = self._node(contact.body)
-            if body != GROUND:
-                shape = (self.layouts.number, 3, 3 + len(inputs))
-                at_centre = to_axes(np.asarray(contact.point) - self.centre, 0.0)
-                columns = slice(place, place + wrenches.shape[-1])
-                load = loads.setdefault(body, np.zeros(shape))
-                load[:, :, columns] += np.swapaxes(at_centre, -1, -2) @ wrenches
-
-        add(self.layouts.points[0], 0, np.eye(3))
-        for place, actuator in enumerate(inputs, 3):
-            along = np.asarray(actuator.direction)
-            parts = [along.real, along.imag, np.zeros(along.shape)]
-            force = np.stack(parts, axis=-1)[..., None]
-            near, far = actuator.contacts
-            add(near, place, -force)
-            add(far, place, force)
-        return loads
+def _at_rest(network: DesignNetwork, wanted: set[str]) -> dict[str, Array]:
+    """Return quantities of `AT_REST`."""
+    first = 3 * len(network.layouts.points)
+    C = network.response.compliance
+    ports = [*range(3), *range(first, C.shape[-1])]
+    values = _of_output(C[:, :3, :3])
+    values |= _of_inputs(C[:, ports][:, :, ports])
+    if not wanted.isdisjoint(OF_STRESS):
+        values |= _of_stress(network, values)
+    return values
 
 
 def _of_output(compliance: Array) -> dict[str, Array]:
@@ -191,53 +105,86 @@ def _of_inputs(compliance: Array) -> dict[str, Array]:
     return {"input_stiffness": 1 / openings, "amplification": motions / openings[..., None]}
 
 
-def _of_stress(
-    layouts: Layouts, groups: Sequence[AlikeHinges], found: _Response, values: dict[str, Array]
-) -> dict[str, Array]:
-    """Return the stress (n, h, 3) per displacement, and displacements and forces (n, 3) at yield."""
-    count = layouts.number
-    stress = np.empty((count, len(layouts.hinges), 3))
-    highest = np.zeros((count, 3))
-    highest_alone = np.zeros((count, 3))
-    for group in groups:
-        held, alone = _stress_of(layouts, group, found, values)
-        stress[:, group.numbers] = held
-        own = layouts.hinges[group.numbers[0]].material.yield_strength
-        share = np.broadcast_to(np.divide(layouts.yield_strength, own), (count,))[:, None]
-        np.maximum(highest, share * np.max(held, axis=1), out=highest)
-        np.maximum(highest_alone, share * np.max(alone, axis=1), out=highest_alone)
-    strength = np.broadcast_to(layouts.yield_strength, (count,))[:, None]
+def _of_stress(network: DesignNetwork, values: dict[str, Array]) -> dict[str, Array]:
+    """Return the stress (n, h, 3) per displacement, and displacements and forces (n, 3) at yield.
+
+    The displacement is along one direction of the output, with the others held or free.
+    """
+    layouts = network.layouts
+    held = values["stiffness"]
+    alone = values["free"][:, None] * np.eye(3)
+    of_both = network.stress_under(np.concatenate([held, alone], axis=-1))
+    highest = np.zeros((layouts.number, 6))
+    for number, hinge in enumerate(layouts.hinges):
+        share = np.divide(layouts.yield_strength, hinge.material.yield_strength)
+        np.maximum(highest, network.for_each(share)[:, None] * of_both[:, number], out=highest)
+    strength = network.for_each(layouts.yield_strength)[:, None]
     reach = strength / highest
     return {
-        "stress": stress,
-        "free_yield_range": strength / highest_alone,
-        "yield_range": reach,
-        "yield_force": values["held"] * reach,
+        "stress": of_both[..., :3],
+        "free_yield_range": reach[:, 3:],
+        "yield_range": reach[:, :3],
+        "yield_force": values["held"] * reach[:, :3],
     }
 
 
-def _stress_of(
-    layouts: Layouts, group: AlikeHinges, found: _Response, values: dict[str, Array]
-) -> tuple[Array, Array]:
-    """Return the highest stress (n, hinges, 3) of alike hinges per displacement of the output.
-
-    First with its other directions held, then free. In wide hinges it follows the deformation.
-    """
-    hinge = layouts.hinges[group.numbers[0]]
-    unit = np.stack([found.wrenches[number] for number in group.numbers], axis=1)
-    held = unit @ values["stiffness"][:, None]
-    alone = unit * values["free"][:, None, None]
-    wrenches = np.swapaxes(np.concatenate([held, alone], axis=-1), -1, -2)
-    if group.ratios is not None:
-        wrenches = wrenches * _for_each(group.ratios)
-    count = len(wrenches)
-    columns = wrenches.reshape(count, -1, 3)
-    per_thickness = highest_stress(hinge.profile, columns, hinge.material.out_of_plane)
-    stress = per_thickness / np.broadcast_to(layouts.thickness, (count,))[:, None]
-    stress = stress.reshape(count, len(group.numbers), 6)
-    return stress[..., :3], stress[..., 3:]
+# driven
 
 
-def _for_each(ratios: Array) -> Any:
-    """Return ratios (n, 3), or (3,), for arrays (n, hinges, loads, 3)."""
-    return ratios[:, None, None] if ratios.ndim > 1 else ratios
+def _at_strokes(network: DesignNetwork, wanted: set[str]) -> dict[str, Array]:
+    """Return quantities of `AT_STROKES`."""
+    layouts = network.layouts
+    C = network.response.compliance
+    first = 3 * len(layouts.points)
+    drives = range(first, C.shape[-1])
+    ports = [*range(3), *drives]
+    driven = DriveSystem.of(C[:, ports][:, :, ports], _drive(network))
+    strokes = driven.drive.highest
+    loads = np.zeros((layouts.number, len(drives), C.shape[-1]))
+    loads[..., first:] = np.swapaxes(driven.Y * strokes[:, None], -1, -2)
+    stress = np.full((layouts.number, len(drives), len(layouts.hinges)), np.nan)
+    if "stress" in wanted:
+        of_loads = network.stress_under(np.swapaxes(loads, -1, -2))
+        stress = np.swapaxes(of_loads, -1, -2)
+    linear = AtStrokes(loads @ C, loads, stress)
+    engaged = driven.engaged
+    return {
+        **values_at_strokes(linear, linear, strokes, _lever(network)),
+        "engaged": np.diagonal(inverse(engaged), axis1=-2, axis2=-1),
+        "engaged_free": 1 / np.diagonal(engaged, axis1=-2, axis2=-1),
+    }
+
+
+def _drive(network: DesignNetwork) -> ActuatorSet:
+    """Return the numbers (n, a) of the actuators, as `Layout.drive`."""
+    inputs = network.layouts.inputs
+    stiffness = np.stack([network.for_each(one.stiffness) for one in inputs], axis=-1)
+    stroke = np.stack([network.for_each(one.stroke) for one in inputs], axis=-1)
+    none = np.zeros_like(stroke)
+    names = tuple(one.name for one in inputs)
+    force = stiffness * stroke
+    return ActuatorSet((), names, stiffness, none, force, np.eye(len(names)), none, stroke)
+
+
+def _lever(network: DesignNetwork) -> Array:
+    """Return the lever (n,) of the output, as `Layout.lever`."""
+    layouts = network.layouts
+    output = layouts.points[0]
+    lever = np.zeros(layouts.number)
+    for hinge in layouts.hinges:
+        if output.body in hinge.bodies:
+            np.maximum(lever, np.abs(hinge.place - np.asarray(output.point)), out=lever)
+    return np.where(lever > 0, lever, 1.0)
+
+
+def _of_modes(network: DesignNetwork, wanted: set[str]) -> dict[str, Array]:
+    """Return natural frequencies (n, modes)."""
+    return {"frequency": frequencies(network)}
+
+
+Answer: TypeAlias = Callable[[DesignNetwork, set[str]], dict[str, Array]]
+ANSWERS: Mapping[str, Answer] = {
+    "stiffness": _at_rest,
+    "drive": _at_strokes,
+    "modes": _of_modes,
+}

@@ -205,24 +205,25 @@ def _fields(mechanism: Mechanism, mesh: setup.Mesh | None) -> MeshFields | None:
     return MeshFields(plates.meshed(mechanism, mesh.resolution), made)
 
 
-class _AtStrokes(NamedTuple):
-    """State of a mechanism at the full stroke of each actuator.
+class AtStrokes(NamedTuple):
+    """State of a mechanism, or of designs (...), at the full stroke of each of a actuators.
 
-    motions, loads : (a, k), of and on the ports.   stress : (a, hinges), MPa.
+    motions, loads : (..., a, k), of and on the ports, the actuators last.   stress : (..., a,
+    hinges), MPa.
     """
 
     motions: Array
     loads: Array
     stress: Array
 
-    def plus(self, changes: Sequence[Displaced]) -> _AtStrokes:
+    def plus(self, changes: Sequence[Displaced]) -> AtStrokes:
         """Add the changes by finite displacements."""
         added = _states_of(changes)
-        return _AtStrokes(*(first + second for first, second in zip(self, added, strict=True)))
+        return AtStrokes(*(first + second for first, second in zip(self, added, strict=True)))
 
 
-def _states_of(changes: Sequence[Displaced]) -> _AtStrokes:
-    return _AtStrokes(
+def _states_of(changes: Sequence[Displaced]) -> AtStrokes:
+    return AtStrokes(
         np.array([one.motions for one in changes]),
         np.array([one.loads for one in changes]),
         np.array([one.stress for one in changes]),
@@ -241,35 +242,61 @@ def _at_strokes(
     C = response.compliance
     driven = DriveSystem.of_mechanism(mechanism, C)
     loads = (driven.Y * strokes).T @ np.eye(len(C))[layout.drive_ports]
-    linear = _AtStrokes(loads @ C, loads, response.stress(loads))
+    linear = AtStrokes(loads @ C, loads, response.stress(loads))
     at = linear if changes is None else linear.plus(changes)
-    opening = at.motions[:, layout.drive_ports] / strokes[:, None]
-    coupled = np.where(np.eye(len(strokes)), np.nan, opening)
-    main = _main_translation(at.motions)
-    cross = main.across / main.along
-    rotation = main.rotation / main.along
     return {
-        "motion": _of_points(layout, at.motions),
-        "transmission": linear.motions[:, :3] / strokes[:, None],
-        "used": 100 * np.diag(opening),
-        "coupling": 100 * np.where(np.abs(coupled) < ROUND_OFF, 0.0, coupled),
-        "cross": 100 * np.where(np.abs(cross) < FLOOR, 0.0, cross),
-        "rotation": np.where(np.abs(rotation) * layout.lever < FLOOR, 0.0, rotation),
-        "force": np.diag(at.loads[:, layout.drive_ports]),
-        "stress": at.stress,
+        **values_at_strokes(at, linear, strokes, layout.lever),
         "engaged": driven.stiffness,
         "engaged_free": 1 / np.diag(driven.engaged),
     }
 
 
-def _of_points(layout: Layout, motions: Array) -> Array:
-    """Return the motions (a, points, 3) of the points from those of all ports (a, k)."""
-    count = len(layout.points)
-    return motions[:, : 3 * count].reshape(len(motions), count, 3)
+def values_at_strokes(
+    at: AtStrokes,
+    linear: AtStrokes,
+    strokes: Array,
+    lever: Array | float,
+) -> dict[str, Array]:
+    """Return quantities of `Drive` at the strokes (..., a) of the actuators of designs (...).
+
+    at : state at finite displacement or by linear theory.   linear : the latter.   lever : (...),
+    mm, of the output.
+    """
+    drives = slice(-strokes.shape[-1], None)
+    opening = at.motions[..., drives] / strokes[..., None]
+    coupled = np.where(np.eye(strokes.shape[-1]), np.nan, opening)
+    main = _main_translation(at.motions)
+    cross = main.across / main.along
+    rotation = main.rotation / main.along
+    arm = np.asarray(lever)[..., None]
+    return {
+        "motion": _of_points(at.motions, strokes.shape[-1]),
+        "transmission": linear.motions[..., :3] / strokes[..., None],
+        "used": 100 * _diagonal(opening),
+        "coupling": 100 * np.where(np.abs(coupled) < ROUND_OFF, 0.0, coupled),
+        "cross": 100 * np.where(np.abs(cross) < FLOOR, 0.0, cross),
+        "rotation": np.where(np.abs(rotation) * arm < FLOOR, 0.0, rotation),
+        "force": _diagonal(at.loads[..., drives]),
+        "stress": at.stress,
+    }
+
+
+def _diagonal(matrices: Array) -> Array:
+    """Return the diagonals (..., a) of matrices (..., a, a)."""
+    return np.diagonal(matrices, axis1=-2, axis2=-1)
+
+
+def _of_points(motions: Array, drives: int) -> Array:
+    """Return the motions (..., points, 3) of the points from those of all ports (..., k).
+
+    drives : number of ports of actuators, the last ones.
+    """
+    of_points = motions[..., : motions.shape[-1] - drives]
+    return of_points.reshape(*of_points.shape[:-1], -1, 3)
 
 
 class _MainTranslation(NamedTuple):
-    """Motions of the output by each actuator, (a,) each.
+    """Motions of the output by each actuator, (..., a) each.
 
     axis : 0 or 1, of the larger translation.   along, across : this and the other translation, mm;
     the larger one is nan where it is round-off.   rotation : rad.
@@ -282,14 +309,12 @@ class _MainTranslation(NamedTuple):
 
 
 def _main_translation(motions: Array) -> _MainTranslation:
-    """Return the main translations of motions (a, k) of the ports."""
-    axis = np.argmax(np.abs(motions[:, :2]), axis=1)
-    each = np.arange(len(motions))
-    along = motions[each, axis]
-    moved = np.abs(along) > ROUND_OFF * np.max(np.abs(motions))
-    return _MainTranslation(
-        axis, np.where(moved, along, np.nan), motions[each, 1 - axis], motions[:, 2]
-    )
+    """Return the main translations of motions (..., a, k) of the ports."""
+    axis = np.argmax(np.abs(motions[..., :2]), axis=-1)
+    along = np.take_along_axis(motions, axis[..., None], axis=-1)[..., 0]
+    across = np.take_along_axis(motions, 1 - axis[..., None], axis=-1)[..., 0]
+    moved = np.abs(along) > ROUND_OFF * np.max(np.abs(motions), axis=(-2, -1))[..., None]
+    return _MainTranslation(axis, np.where(moved, along, np.nan), across, motions[..., 2])
 
 
 LINEAR = ("transmission", "engaged", "engaged_free")  # quantities at small strokes
@@ -315,7 +340,7 @@ def _with_errors(
     relative = error.motions[each, main.axis] / along
     across = error.motions[each, 1 - main.axis] / along
     added = {
-        "motion": _of_points(layout, error.motions),
+        "motion": _of_points(error.motions, len(each)),
         "used": np.diag(opening),
         "coupling": opening,
         "cross": 100 * across + np.abs(found.values["cross"]) * relative,

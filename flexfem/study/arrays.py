@@ -1,18 +1,21 @@
 """The analytic model of any mechanism for many designs at once.
 
-The numbers are those of `stiffness` at rest. Closed-form conditions refuse designs: the limits of
-all numbers of the file, profiles that do not exist, cuts lower than their hinge, actuators without
-a direction. Overlaps and clearances of the drawing are not checked; a study with `check =
-"drawing"` computes designs one after the other, and a search draws the designs that it takes."""
+The numbers are those of `questions.designs.QUANTITIES`. Closed-form conditions refuse designs: the
+limits of all numbers of the file, profiles that do not exist, cuts lower than their hinge,
+actuators without a direction. Overlaps and clearances of the drawing are not checked; a study with
+`check = "drawing"` computes designs one after the other, and a search draws the designs that it
+takes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+import flexfem
+from flexfem.analytic.designs import alike_hinges
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import one_line
 from flexfem.hinges.fitted import SmoothFit, chebyshev_points, fitted
@@ -21,8 +24,7 @@ from flexfem.mechanism.keys import keys
 from flexfem.mechanism.layouts import HingeDesigns, Layouts
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import SHORTEST
-from flexfem.questions.designs import AT_REST, alike_hinges, at_rest
-from flexfem.questions.stiffness import stiffness
+from flexfem.questions.designs import QUANTITIES, answers
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.batch import Batch, BatchRows
 from flexfem.study.columns import LONGEST
@@ -39,12 +41,14 @@ HOW_CHECKED = (
     'of the drawing are not checked, as with check = "drawing"; ratios of hinges in three '
     f"dimensions are fitted to {COARSEST:.0e} or better"
 )
-QUESTION = "stiffness"
 
 
 class _Output(NamedTuple):
-    """An output: its quantity, its place among the flat values, and its unit per internal unit."""
+    """An output: its question and quantity, its place among the flat values, and its unit per
+    internal unit.
+    """
 
+    question: str
     quantity: str
     place: int
     factor: float
@@ -63,18 +67,24 @@ def batch(
     paths = [path for column in columns for path in column.keys]
     if study.draws or base.without_arrays(paths):
         return None
-    if not study.outputs or not all(path.startswith(f"{QUESTION}.") for path in study.outputs):
+    questions = {path.partition(".")[0] for path in study.outputs}
+    if not questions or not questions <= QUANTITIES.keys():
         return None
-    known = _outputs_at_rest(base)
+    known = dict[str, _Output]()
+    for question in sorted(questions):
+        known |= _outputs_of(base, question)
     if not known.keys() >= {*study.outputs}:
         return None
     return ArrayBatch(base, study, columns, [known[path] for path in study.outputs])
 
 
-def _outputs_at_rest(base: Mechanism) -> dict[str, _Output]:
-    """Return the outputs that arrays compute, by path; none of a base without a solution."""
+def _outputs_of(base: Mechanism, question: str) -> dict[str, _Output]:
+    """Return the outputs of a question that arrays compute, by path; none of a base without a
+    solution.
+    """
+    options: dict[str, Any] = {"no_limits": True} if question == "stiffness" else {}
     try:
-        found = stiffness(base, models="analytic", no_limits=True)
+        found = getattr(flexfem, question)(base, models="analytic", **options)
     except (BadInput, ComputationFailed):
         return {}
     outputs = dict[str, _Output]()
@@ -83,8 +93,8 @@ def _outputs_at_rest(base: Mechanism) -> dict[str, _Output]:
         factors = found.quantities[name].factors(values.shape)
         for place, factor in enumerate(np.ravel(factors).tolist()):
             path = next(paths)
-            if name in AT_REST:
-                outputs[f"{QUESTION}.{path}"] = _Output(name, place, factor)
+            if name in QUANTITIES[question]:
+                outputs[f"{question}.{path}"] = _Output(question, name, place, factor)
     return outputs
 
 
@@ -183,12 +193,15 @@ class ArrayBatch:
 
     def _solved(self, layouts: Layouts) -> Array:
         """Return the outputs (n, outputs) of designs that are not refused."""
-        wanted = {each.quantity for each in self._found}
-        values = at_rest(layouts, lambda hinge: self._ratios(layouts, hinge), wanted)
-        flat = {name: value.reshape(layouts.number, -1) for name, value in values.items()}
-        return np.column_stack(
-            [each.factor * flat[each.quantity][:, each.place] for each in self._found]
-        )
+        wanted = dict[str, set[str]]()
+        for each in self._found:
+            wanted.setdefault(each.question, set()).add(each.quantity)
+        found = answers(layouts, lambda hinge: self._ratios(layouts, hinge), wanted)
+        columns = list[Array]()
+        for each in self._found:
+            flat = found[each.question][each.quantity].reshape(layouts.number, -1)
+            columns.append(each.factor * flat[:, each.place])
+        return np.column_stack(columns)
 
     # wide hinges
 
