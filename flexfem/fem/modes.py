@@ -260,7 +260,8 @@ def lowest(
     )
     start = np.random.default_rng(0).standard_normal(size)  # reproducible
     try:
-        arnoldi = {"v0": start, "ncv": min(size, max(2 * count + 1, BASIS)), "tol": TOLERANCE}
+        vectors_kept = max(2 * count + 1, min(BASIS, 4 * count + 2))
+        arnoldi = {"v0": start, "ncv": min(size, vectors_kept), "tol": TOLERANCE}
         # the first argument is not used
         values, vectors = eigsh(mass, count, M=mass, sigma=0.0, OPinv=inverse, **arnoldi)
     except ArpackError as failure:

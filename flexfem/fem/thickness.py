@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
@@ -19,7 +18,7 @@ from flexfem.fem.factor import condense, dense
 from flexfem.fem.mesh import PlaneMesh, nodes_on
 from flexfem.fem.plate_bodies import part_mesh
 from flexfem.fem.ports import plate_of_layout
-from flexfem.fem.structure import NONE, structure
+from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.mechanism.layout import Layout
 
 # of the height of an end: distance into a body over which the stress of the hinge spreads
@@ -192,25 +191,38 @@ def _between_sections(
 
     Notes
     -----
-    The part is condensed onto its sections, where a term is added to the diagonal, so that the
-    matrix is definite, and subtracted again from the Schur complement.
+    The part is condensed onto the pose of its far section and the motions of both sections along
+    z. These are zero in sections that keep their thickness.
     """
     ends = np.concatenate([alone.near, alone.far])
     whole = structure(alone.mesh, plate, layers, SOLID_QUADRATURE, NONE, ends)
-    edge = len(ends) * whole.block
-    lower = whole.lower()
-    added = np.zeros(whole.size)
-    added[-edge:] = lower.diagonal()[-edge:]
-    condensed = condense(lower + sp.diags_array(added, format="csr"), edge, whole.order(len(ends)))
-    schur = condensed.schur - np.diag(added[-edge:])
-    of_pose = whole.rigid_unknowns(ends)
-    of_pose[: len(alone.near) * whole.block] = 0.0
-    along_z = np.tile(whole.line.free_components % whole.line.axes == 2, len(ends))
-    held = _motion_under_wrenches(schur, of_pose)
-    loose = _motion_under_wrenches(schur, np.column_stack([np.eye(edge)[:, along_z], of_pose]))
-    unloaded = condensed.reduced(np.zeros((whole.size, 3)))[0]
-    fields = whole.fields(condensed.expanded(unloaded, held))
+    of_edge = _motions_of_sections(whole, ends, len(alone.near))
+    motions = of_edge.shape[1]
+    lower = whole.tie_hub(whole.lower(), of_edge)
+    condensed = condense(lower, motions, whole.order(len(ends)))
+    schur = condensed.schur
+    held = _motion_under_wrenches(schur, np.eye(motions)[:, -3:])
+    loose = _motion_under_wrenches(schur, np.eye(motions))
+    unloaded = condensed.reduced(np.zeros((lower.shape[0], 3)))[0]
+    inner = condensed.expanded(unloaded, held)[:-motions]
+    fields = whole.fields(np.concatenate([inner, of_edge @ held]))
     return _Part(held.T @ schur @ held, loose.T @ schur @ loose, fields)
+
+
+def _motions_of_sections(
+    whole: Structure,
+    ends: Index,
+    near: int,
+) -> Array:
+    """Return the unknowns (edge, m + 3) of the nodes on both sections by their possible motions.
+
+    These are m along z, of single unknowns, and the pose of the far section; the first of these
+    nodes, `near` in number, are held in the plane.
+    """
+    of_pose = whole.rigid_unknowns(ends)
+    of_pose[: near * whole.block] = 0.0
+    along_z = np.tile(whole.line.free_components % whole.line.axes == 2, len(ends))
+    return np.column_stack([np.eye(len(of_pose))[:, along_z], of_pose])
 
 
 def _motion_under_wrenches(schur: Array, T: Array) -> Array:

@@ -134,6 +134,7 @@ def modes(
     solid: bool = False,
     thickness_resolution: int | None = None,
     plane: bool = False,
+    in_plane: bool = False,
     progress: Progress | None = None,
 ) -> MechanismModes:
     """Natural frequencies and modes of a mechanism with its payload, in the plane or in three
@@ -169,6 +170,9 @@ def modes(
         With `solid`, layers of elements in half of the thickness, from 3.
     plane : bool
         Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.
+    in_plane : bool
+        Leave out the first frequency out of the plane of a mechanism, a third of the time of finite
+        elements.
     progress : callable, optional
         Called with a line of text after each completed part.
 
@@ -227,7 +231,7 @@ def modes(
     shapes = _shapes_on(mesh, mechanism, by_mesh)
     order = lowest_modes(found, count)
     rows = side_by_side(found, order, count, _alike(mechanism.layout, analytic, shapes))
-    first = _first_out_of_plane(asked, mesh, found)
+    first = NOTHING_LIFTED if in_plane else _first_out_of_plane(asked, mesh, found)
     notes = _what_moves(mechanism.layout, analytic, shapes, rows)
     if load is not None and SOLID in found:
         notes.insert(0, preloaded.IN_THREE_DIMENSIONS)
@@ -296,6 +300,9 @@ class OutOfPlane(NamedTuple):
     values: dict[str, Array]
     bands: dict[str, float]
     warnings: list[str]
+
+
+NOTHING_LIFTED = OutOfPlane({}, {}, [])
 
 
 def _is_engaged(mechanism: Mechanism, drives: Drives) -> bool:
@@ -566,7 +573,7 @@ def _first_out_of_plane(
 ) -> OutOfPlane:
     """Return the first natural frequency out of the plane, rad/s, of models in three dimensions."""
     if SOLID not in found or mesh is None:
-        return OutOfPlane({}, {}, [])
+        return NOTHING_LIFTED
     values, bands = found[SOLID]
     in_plane = float(values["frequency"][: asked.most].min())
     try:

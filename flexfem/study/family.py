@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.fem.mesh import RESOLUTION
 from flexfem.files.expressions import Evaluated, names_in, value_of
 from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import KeyPath, shown
@@ -30,6 +31,7 @@ from flexfem.units import without_unit
 MESHED = {"fe": 4, "verify": 4, "three_dimensional": 2, "both": 4}
 ASKED = 32
 PRELOADED = ("modes", "stiffness")  # questions whose results contain residual stress and preloads
+OUT_OF_PLANE = "out_of_plane"  # in the paths of numbers of such a motion
 MODELS = {
     "analytic": "analytic",
     "verify": "both",
@@ -267,15 +269,17 @@ class Family:
     @property
     def question_settings(self) -> dict[str, Any]:
         """Options of the questions, by name."""
-        return self._mesh_settings | self._limit_settings
+        return self._mesh_settings | self._limit_settings | self._mode_settings
 
     @property
     def _mesh_settings(self) -> dict[str, Any]:
+        # questions have the usual resolution themselves, and fewer triangles for slender bodies
         study = self.study
         settings: dict[str, Any] = {"models": MODELS.get(study.model, "elements")}
-        if study.model != "analytic":
+        if study.model not in ("analytic", "three_dimensional") and study.resolution != RESOLUTION:
             settings["resolution"] = study.resolution
         if study.model == "three_dimensional":
+            settings["resolution"] = study.resolution
             settings |= {"solid": True, "thickness_resolution": study.layers}
         return settings
 
@@ -286,6 +290,11 @@ class Family:
         if any(path.startswith(limits) for path in self.study.ask):
             return {}
         return {"no_limits": True}
+
+    @property
+    def _mode_settings(self) -> dict[str, Any]:
+        """The first frequency out of the plane only where it is asked for."""
+        return {"in_plane": not any(OUT_OF_PLANE in path for path in self.study.ask)}
 
     # many designs
 

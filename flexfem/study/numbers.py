@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, get_args, get_type_hints
 
@@ -13,6 +15,9 @@ from flexfem.arrays import Array
 from flexfem.files.refusals import suggestion
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.refused import BadInput
+
+# path of a mode where some are out of the plane; a model of the plane has the others, by number
+IN_THE_PLANE = re.compile(r"(?P<before>.*\.)\d+_in_the_plane(?P<after>\..*)")
 
 
 class NoSuchNumber(BadInput):
@@ -47,8 +52,15 @@ def asked_numbers(
     for name in dict.fromkeys(path.split(".")[0] for path in paths):
         question = getattr(flexfem, name)
         found = question(mechanism, **_options_of(question, mechanism, settings))
+        in_plane = Counter[tuple[str, str]]()
         for entry in found.entries():
-            numbers[f"{name}.{entry.path}"] = _Banded(entry.value, entry.band)
+            number = _Banded(entry.value, entry.band)
+            numbers[f"{name}.{entry.path}"] = number
+            mode = IN_THE_PLANE.fullmatch(entry.path)
+            if mode is not None:
+                in_plane[mode["before"], mode["after"]] += 1
+                count = in_plane[mode["before"], mode["after"]]
+                numbers.setdefault(f"{name}.{mode['before']}{count}{mode['after']}", number)
     for path in paths:
         if path not in numbers:
             close = suggestion(path, numbers) or f", such as {next(iter(numbers))}"
