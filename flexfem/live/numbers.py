@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -93,23 +94,46 @@ def changed(mechanism: Mechanism, values: Mapping[str, float]) -> Mechanism:
 def save(path: Path, values: Mapping[str, float]) -> list[str]:
     """Write numbers into a file by their key paths, and change nothing else in its text.
 
-    Returns the paths of the numbers that have changed. Raises BadInput for a file that is not TOML.
+    Returns the paths of the numbers that have changed. Raises BadInput for a file that is not TOML,
+    or that has no such number.
     """
-    try:
-        document = tomlkit.parse(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{place_of(path)}: {error}, expected a TOML file") from None
+    document = _document(path)
     written = list[str]()
     for key, value in values.items():
         *tables, last = path_of(key)
         table: Any = document
         for name in tables:
             table = table[name]
-        if float(table[last]) != value:
+        if _is_number(table[last]) and float(table[last]) != value:
             table[last] = int(value) if value.is_integer() else value
             written.append(key)
     if written:
-        text = tomlkit.dumps(document)
         may_write(path)
-        write_atomically(path, lambda file: file.write(text.encode()))
+        mode = stat.S_IMODE(path.stat().st_mode)
+        place = path.resolve()  # a link stays one
+        write_atomically(place, lambda file: file.write(tomlkit.dumps(document).encode()))
+        place.chmod(mode)
     return written
+
+
+def is_in_file(path: Path, key: str) -> bool:
+    """Return whether a file states a number at a key path: others have a default, or a name."""
+    found: Any = _document(path)
+    try:
+        for name in path_of(key):
+            found = found[name]
+    except (LookupError, TypeError):
+        return False
+    return _is_number(found)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _document(path: Path) -> tomlkit.TOMLDocument:
+    """Return the content of a file with its comments and ends of lines."""
+    try:
+        return tomlkit.parse(path.read_bytes().decode("utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{place_of(path)}: {error}, expected a TOML file") from None

@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import math
 import secrets
 import socket
 import webbrowser
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ TEMPLATES = Path(__file__).with_name("templates")
 OF_PAGES = PACKAGE / "page" / "templates"  # the drawing that a hand moves is that of report pages
 WATCH = 0.25  # s, between two looks at the file
 SETTLED = 0.5  # s without a change after which finite elements start
+ENDING = 0.5  # s, between two looks of an open page at whether the server ends
+GRACE = 5  # s, after which requests are not waited for when the server ends
 LARGEST_REQUEST = 2**16  # bytes
 HEADERS = {
     "Cache-Control": "no-store",
@@ -78,9 +81,19 @@ def serve(
         print(f"{page.address}  (stop with Ctrl-C)", flush=True)
         if not no_browser:
             webbrowser.open(page.address)
-        config = uvicorn.Config(page.application(), log_level="error", lifespan="on")
-        with contextlib.suppress(KeyboardInterrupt):
-            uvicorn.Server(config).run(sockets=[bound])
+        config = uvicorn.Config(
+            page.application(),
+            log_level="critical",
+            lifespan="on",
+            timeout_graceful_shutdown=GRACE,
+        )
+        server = uvicorn.Server(config)
+        page.is_ending = lambda: server.should_exit
+        try:
+            with contextlib.suppress(KeyboardInterrupt):
+                server.run(sockets=[bound])
+        finally:
+            page.elements.close()
 
 
 def _bound(port: int) -> socket.socket:
@@ -89,6 +102,7 @@ def _bound(port: int) -> socket.socket:
     bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         bound.bind((HOST, port))
+        bound.listen()  # so that a browser that is opened before the server runs waits for it
     except (OSError, OverflowError) as error:
         bound.close()
         raise BadInput(f"port {port}: {error}, expected a free port, or 0") from None
@@ -103,6 +117,8 @@ class LivePage:
         self.token = secrets.token_urlsafe(16)
         self.port = 0
         self.elements = Elements()
+        self.is_ending: Callable[[], bool] = lambda: False
+        self._busy = asyncio.Lock()  # one change of the session at a time, also from several pages
         self._listeners = set[asyncio.Queue[dict[str, Any]]]()
         self._asked: asyncio.Task[None] | None = None
         self._version = 0
@@ -174,8 +190,11 @@ class LivePage:
 
     async def _sent(self, queue: asyncio.Queue[dict[str, Any]]) -> AsyncIterator[str]:
         try:
-            while True:
-                content = await queue.get()
+            while not self.is_ending():
+                try:
+                    content = await asyncio.wait_for(queue.get(), ENDING)
+                except TimeoutError:
+                    continue
                 yield f"data: {json.dumps(content, allow_nan=False)}\n\n"
         finally:
             self._listeners.discard(queue)
@@ -185,55 +204,60 @@ class LivePage:
 
         values = _numbers(await _body(request))
         if values is None:
-            return JSONResponse({"error": "expected numbers by key path"}, 400)
-        await asyncio.to_thread(self.session.change, values)
-        self._changed()
+            return JSONResponse({"error": "expected finite numbers by key path"}, 400)
+        async with self._busy:
+            await asyncio.to_thread(self.session.change, values)
+            self._changed()
         return JSONResponse({"version": self._version})
 
     async def _save(self, _: Any) -> Any:
         from starlette.responses import JSONResponse
 
-        try:
-            written = await asyncio.to_thread(self.session.save)
-        except BadInput as refused:
-            return JSONResponse({"error": str(refused)}, 400)
-        self._changed()
+        async with self._busy:
+            try:
+                written = await asyncio.to_thread(self.session.save)
+            except BadInput as refused:
+                return JSONResponse({"error": str(refused)}, 400)
+            finally:
+                self._changed()
         return JSONResponse({"written": written})
 
     async def _watch(self) -> None:
-        """Answer again when the file was written."""
-        last = self.session.stamp()
+        """Answer again when the file was written or removed."""
+        seen = self.session.read_at
         while True:
             await asyncio.sleep(WATCH)
-            now = self.session.stamp()
-            if now is not None and now != last:
-                last = now
-                await asyncio.to_thread(self.session.reload)
-                self._changed()
+            before = seen
+            seen = self.session.stamp()
+            if seen != before:  # an editor may be writing it, or replacing it
+                continue
+            async with self._busy:
+                if seen != self.session.read_at:
+                    await asyncio.to_thread(self.session.reload)
+                    self._changed()
 
     def _changed(self) -> None:
         """Send the state, and ask finite elements where it has an answer."""
         self._version += 1
-        self._of_elements = {"state": "waiting"}
         if self.session.fault is None:
+            self._of_elements = {"state": "waiting"}
             self._ask_elements()
         self._send(self._state())
 
     def _ask_elements(self) -> None:
         if self._asked is not None:
             self._asked.cancel()
-        self._asked = asyncio.create_task(self._answer_by_elements(self._version))
+        self._asked = asyncio.create_task(self._answer_by_elements())
 
-    async def _answer_by_elements(self, version: int) -> None:
+    async def _answer_by_elements(self) -> None:
+        """Answer the last numbers that have an answer; the task is cancelled where newer ones do."""
         await asyncio.sleep(SETTLED)
 
         def report(kind: str, content: Any) -> None:
-            if version != self._version:
-                return
             rows = [row._asdict() for row in content] if kind == "rows" else []
             text = "" if kind == "rows" else content
             self._of_elements = {"state": kind, "text": text, "rows": rows}
-            self._send({"version": version, "elements": self._of_elements})
+            self._send({"version": self._version, "elements": self._of_elements})
 
         report("progress", "meshing")
         await self.elements.answer(self.session.mechanism, report)
@@ -247,7 +271,7 @@ class LivePage:
             "title": session.title,
             "can_save": session.can_save,
             "sliders": [slider._asdict() for slider in session.sliders],
-            "values": answer.values,
+            "values": session.asked,
             "drawing": plain(answer.drawing),
             "handled": plain(answer.handled),
             "rows": [row._asdict() for row in answer.rows],
@@ -330,6 +354,7 @@ def _numbers(body: bytes) -> dict[str, float] | None:
     """Return the numbers by key path of a request; None for anything else."""
     try:
         given = json.loads(body)
-        return {str(path): float(value) for path, value in given.items()}
-    except (ValueError, TypeError, AttributeError):
+        numbers = {str(path): float(value) for path, value in given.items()}
+    except (ValueError, TypeError, AttributeError, OverflowError):
         return None
+    return numbers if all(map(math.isfinite, numbers.values())) else None

@@ -12,7 +12,7 @@ from flexfem.files.provenance import assumptions_said
 from flexfem.files.toml import PathLike
 from flexfem.importing.drawings import is_drawing, load
 from flexfem.live.answers import PlateDrawing, Row, drawing_of, rows_by_model
-from flexfem.live.numbers import Slider, changed, save, sliders_of
+from flexfem.live.numbers import Slider, changed, is_in_file, save, sliders_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.handling import Handled, handled
 from flexfem.refused import BadInput, ComputationFailed, line_of
@@ -48,7 +48,8 @@ class LiveAnswer(NamedTuple):
 class Session:
     """One file: the mechanism as it is stored, the one that sliders have made, and the last answer.
 
-    `mechanism` is the changed one, and stays the last one that could be answered.
+    `mechanism` is the changed one, and stays the last one that could be answered. `asked` are the
+    numbers that sliders show, by key path, which may have no answer.
     """
 
     def __init__(
@@ -59,8 +60,11 @@ class Session:
         self.path = Path(path)
         self.reading = reading
         self.stored: Mechanism
+        self.sliders: list[Slider]
         self.mechanism: Mechanism
         self.answer: LiveAnswer
+        self.asked = dict[str, float]()
+        self.read_at: Any = None
         self._fault_of_file: Fault | None = None
         self._fault_of_numbers: Fault | None = None
         self._read()
@@ -81,9 +85,14 @@ class Session:
         return not is_drawing(self.path)
 
     @property
-    def sliders(self) -> list[Slider]:
-        """The numbers of the file that can be changed."""
-        return sliders_of(self.stored)
+    def moved(self) -> dict[str, float]:
+        """The numbers by key path that differ from those of the file."""
+        of_file = self._of_file
+        return {path: value for path, value in self.asked.items() if value != of_file.get(path)}
+
+    @property
+    def _of_file(self) -> dict[str, float]:
+        return {slider.path: slider.value for slider in self.sliders}
 
     def stamp(self) -> Any:
         """Return what changes when the file is written; None where there is no file."""
@@ -94,34 +103,70 @@ class Session:
         return status.st_mtime_ns, status.st_size
 
     def reload(self) -> None:
-        """Read the file again. What is wrong with it becomes the fault; the answer then stays."""
+        """Read the file again. What is wrong with it becomes the fault; the answer then stays.
+
+        Numbers that sliders have moved stay moved, but for those that the file has changed.
+        """
+        before = self._of_file
+        moved = self.moved
         try:
             self._read()
         except (BadInput, ComputationFailed) as refused:
             self._fault_of_file = fault_of(refused, self.path)
+            return
+        now = self._of_file
+        kept = {path: value for path, value in moved.items() if now.get(path) == before.get(path)}
+        if kept:
+            self.change(now | kept)
 
     def change(self, values: Mapping[str, float]) -> None:
         """Answer other numbers. What is wrong with them becomes the fault; the answer then stays."""
+        before = self.asked
+        self.asked = {**self._of_file, **values}
         try:
             self._answer(changed(self.stored, values), values)
         except (BadInput, ComputationFailed) as refused:
-            self._fault_of_numbers = fault_of(refused, None)
+            text = line_of(refused)
+            for slider in self.sliders:
+                if self.asked[slider.path] != before.get(slider.path):
+                    value = f"{self.asked[slider.path]:g} {slider.unit}".rstrip()
+                    text = f"{slider.name} {value}: {text.removeprefix(self._changed_place)}"
+            self._fault_of_numbers = Fault(text, None, [])
+
+    @property
+    def _changed_place(self) -> str:
+        """What a refusal of changed numbers begins with."""
+        return f"{self.path}, changed: "
 
     def save(self) -> list[str]:
-        """Write the numbers of the answer into the file; return the paths of the changed ones."""
+        """Write the moved numbers into the file; return their paths.
+
+        What an editor has written since the file was read stays, and comes first. Raises BadInput
+        for a drawing, and while something is wrong with the file or the numbers.
+        """
         if not self.can_save:
             raise BadInput(
                 f"{self.path}: a drawing has no numbers, expected a mechanism file: flexfem import"
             )
-        written = save(self.path, self.answer.values)
+        if self.stamp() != self.read_at:
+            self.reload()
+        if self.fault is not None:
+            raise BadInput(f"nothing was saved: {self.fault.text}")
+        written = save(self.path, self.moved)
         self.reload()
         return written
 
     def _read(self) -> None:
+        self.read_at = self.stamp()
         stored = load(self.path, self.reading)
-        values = {slider.path: slider.value for slider in sliders_of(stored)}
+        sliders = sliders_of(stored)
+        if self.can_save:
+            sliders = [slider for slider in sliders if is_in_file(self.path, slider.path)]
+        values = {slider.path: slider.value for slider in sliders}
         self._answer(stored, values)
         self.stored = stored
+        self.sliders = sliders
+        self.asked = values
         self._fault_of_file = None
 
     def _answer(

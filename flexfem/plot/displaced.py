@@ -60,13 +60,14 @@ def modes_figure(found: MechanismModes) -> Figure:
     fields = _fields(found).made()
     model = found.axes["model"][-1]
     shapes = list[Shape]()
-    # the last rows may be modes of analytic models alone
-    for mode, field in zip(found.axes["mode"], fields.values(), strict=False):
+    for name, field in fields.items():
+        mode = found.axes["mode"][int(name.removeprefix("mode ")) - 1]
         frequency = _texts(found, "frequency", mode=mode, model=model)[0]
         shapes.append(Shape(f"mode {mode}: {frequency}", [_moving(found, mode)], field))
     lines = [
-        f"Frequencies: {model}. Shapes: plane finite elements, each with its own factor. {GREY}. "
-        "Output: share of each direction in the square of its motion, rotations times the lever."
+        f"Frequencies: {model}. Shapes: finite elements in the plane, each with its own factor. "
+        f"{GREY}. Output: share of each direction in the square of its motion, rotations times "
+        "the lever."
     ]
     return _drawn(found, "natural modes", lines, shapes, BOTH_SENSES)
 

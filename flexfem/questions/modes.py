@@ -530,15 +530,21 @@ def _names(lifted: AnyArray, mesh: Mesh | None) -> list[str]:
 
 
 def _fields(shapes: ModeShapes | None, order: Index) -> MeshFields | None:
-    """Return the shapes of plane modes, in the order of the table, on their mesh."""
-    if shapes is None or shapes.lifted is not None:
+    """Return the shapes of modes in the plane, named by their rows, on their mesh.
+
+    Of three dimensions they are those of the mid-plane; modes out of the plane are left out.
+    """
+    planar = dict[str, int]()
+    for row, number in enumerate(order.tolist(), start=1):
+        if number < len(order):
+            planar[f"mode {row}"] = number
+    if shapes is None or not planar:
         return None
-    planar = shapes.planar
-
-    def made() -> dict[str, Array]:
-        return {f"mode {k}": planar[number] for k, number in enumerate(order.tolist(), 1)}
-
-    return MeshFields(shapes.mesh, made)
+    in_plane = shapes.planar[:, :, :2]
+    return MeshFields(
+        shapes.mesh,
+        lambda: {name: in_plane[number] for name, number in planar.items()},
+    )
 
 
 def _by_field(

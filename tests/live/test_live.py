@@ -73,7 +73,9 @@ def test_numbers_that_cannot_be_made_are_refused_and_the_last_answer_stays(page)
         client.post(f"/{page.token}/change", content=json.dumps({"parameters.neck_mm": -1.0}))
         assert "neck" in session.fault.text
         assert session.answer is before
-        for body in ("[]", "{", '{"parameters.neck_mm": "wide"}', "1" * 100_000):
+        refused = ["wide", "NaN", "1e999", "Infinity"]
+        bodies = [f'{{"parameters.neck_mm": {value}}}' for value in refused]
+        for body in ("[]", "{", *bodies, "1" * 100_000):
             assert client.post(f"/{page.token}/change", content=body).status_code == 400
         client.post(f"/{page.token}/change", content=json.dumps({"parameters.nek_mm": 1.0}))
     assert "parameters.nek_mm is no number of this file" in session.fault.text
@@ -105,6 +107,84 @@ def test_a_slider_does_not_hide_a_fault_in_the_file(page, file):
     file.write_text(text)
     session.reload()
     assert session.fault is None
+
+
+def test_what_an_editor_writes_stays_and_a_moved_slider_stays_moved(page, file):
+    """The editor changes another number and a comment, and Save is pressed before it is noticed."""
+    session = page.session
+    session.change({"parameters.neck_mm": 0.6})
+    text = file.read_text().replace("length_mm = 50 ", "length_mm = 45 ", 1) + "# noted\n"
+    file.write_text(text)
+    with client_of(page) as client:
+        answer = client.post(f"/{page.token}/save")
+    assert answer.json() == {"written": ["parameters.neck_mm"]}
+    assert file.read_text() == text.replace("neck_mm = 0.5", "neck_mm = 0.6", 1)
+    assert session.answer.values["parameters.length_mm"] == 45.0
+
+
+def test_a_number_that_the_editor_changes_is_that_of_the_file(page, file):
+    session = page.session
+    session.change({"parameters.neck_mm": 0.6, "parameters.length_mm": 55.0})
+    file.write_text(file.read_text().replace("neck_mm = 0.5", "neck_mm = 0.4", 1))
+    session.reload()
+    assert session.asked["parameters.neck_mm"] == 0.4
+    assert session.moved == {"parameters.length_mm": 55.0}
+
+
+def test_nothing_is_saved_while_the_file_or_the_numbers_are_wrong(page, file):
+    session = page.session
+    text = file.read_text()
+    session.change({"parameters.neck_mm": 90.0})
+    assert session.fault.text.startswith("neck 90 mm: body.ground: is in 2 pieces")
+    with client_of(page) as client:
+        assert client.post(f"/{page.token}/save").status_code == 400
+        assert file.read_text() == text
+        session.change({"parameters.neck_mm": 0.6})
+        file.unlink()
+        session.reload()
+        assert "no such file" in session.fault.text
+        assert client.post(f"/{page.token}/save").status_code == 400
+    assert not file.exists()
+    file.write_text(text)
+    session.reload()
+    assert session.fault is None and session.moved == {"parameters.neck_mm": 0.6}
+
+
+def test_ends_of_lines_a_link_and_the_rights_of_a_file_stay(tmp_path, file):
+    text = file.read_text().replace("\n", "\r\n").encode()
+    file.write_bytes(text)
+    file.chmod(0o640)
+    link = tmp_path / "link.toml"
+    link.symlink_to(file)
+    assert save(link, {"parameters.neck_mm": 0.6}) == ["parameters.neck_mm"]
+    assert file.read_bytes() == text.replace(b"neck_mm = 0.5", b"neck_mm = 0.6", 1)
+    assert link.is_symlink() and file.stat().st_mode & 0o777 == 0o640
+
+
+WITHOUT_PARAMETERS = """
+name = "lever"
+thickness_mm = 8
+material = { name = "al-7075-t6" }
+body = [
+    { name = "frame", fixed = true, outline_mm = [[-10, -20], [10, -20], [10, 0], [-10, 0]] },
+    { name = "stage", outline_mm = [[-10, 30], [10, 30], [10, 40], [-10, 40]] },
+]
+output = { body = "stage", at_mm = [0, 35] }
+[[hinge]]
+name = "leaf"
+between = ["frame", "stage"]
+at_mm = [0, 15]
+direction_deg = 90
+shape = "leaf"
+length_mm = 30
+neck_mm = 0.5
+"""
+
+
+def test_numbers_that_the_file_does_not_state_have_no_slider(file):
+    """Those of a registered material could not be saved."""
+    file.write_text(WITHOUT_PARAMETERS)
+    assert [slider.path for slider in Session(file, NO_READING).sliders] == ["thickness_mm"]
 
 
 def test_a_stage_file_is_answered(tmp_path):

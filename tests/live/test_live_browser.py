@@ -107,7 +107,9 @@ def test_a_slider_answers_a_fault_is_shown_at_its_line_and_numbers_are_saved(
     file.write_text(text)
     until(lambda: not page.fault, "the fault stays")
     assert not page.is_stale
-    assert page.stiffness() == pytest.approx(before)
+    assert page.stiffness() == shown  # the moved slider stays moved
+    page.one("#reset").click()
+    until(lambda: page.stiffness() == pytest.approx(before), "not back at the file")
 
     page.drag("parameters.neck_mm")
     assert page.stiffness() > 1.05 * before

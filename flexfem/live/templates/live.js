@@ -7,6 +7,9 @@ let values = {}; // of the sliders, by key path
 let drawnText = ""; // what is drawn
 let waiting = false; // for the answer to a change
 let pending = false; // whether sliders moved since then
+let answered = 0; // version of the last answer to a change of this page
+let held = null; // the drawing that a hand moves
+const setters = new Map(); // of the sliders, by key path
 
 const at = (id) => document.getElementById(id);
 
@@ -22,7 +25,7 @@ function draw(drawing, handled) {
   svg.toggleAttribute("hidden", handled !== null);
   at("handle").hidden = handled === null;
   if (handled !== null) {
-    new Handle(at("handle"), handled);
+    held = new Handle(at("handle"), handled, held);
     return;
   }
   svg.replaceChildren();
@@ -75,7 +78,7 @@ function showFault(fault) {
   const text = document.createElement("pre");
   for (const [number, line] of fault.lines) {
     const shown = document.createElement("span");
-    shown.textContent = `${String(number).padStart(4)}  ${line}\n`;
+    shown.textContent = `${String(number).padStart(4)}  ${line}`;
     if (number === fault.line) shown.className = "at";
     text.append(shown);
   }
@@ -116,12 +119,14 @@ function slider(of) {
   };
   range.addEventListener("input", () => move(of.path, rounded(range.value), set));
   exact.addEventListener("change", () => move(of.path, Number(exact.value), set));
+  setters.set(of.path, set);
   set(values[of.path]);
   box.append(label, exact, unit, range);
   return box;
 }
 
 function showSliders() {
+  setters.clear();
   at("sliders").replaceChildren(...state.sliders.map(slider));
   showButtons();
 }
@@ -142,8 +147,12 @@ function move(path, value, set) {
 }
 
 async function post(where, content) {
-  const answer = await fetch(where, { method: "POST", body: JSON.stringify(content) });
-  return answer.json();
+  try {
+    const answer = await fetch(where, { method: "POST", body: JSON.stringify(content) });
+    return await answer.json();
+  } catch {
+    return { error: "no answer from the server" };
+  }
 }
 
 async function ask() {
@@ -153,7 +162,9 @@ async function ask() {
   try {
     while (pending) {
       pending = false;
-      await post("change", values);
+      const answer = await post("change", values);
+      if (answer.error) at("saved").textContent = answer.error;
+      else answered = answer.version;
     }
   } finally {
     waiting = false;
@@ -174,6 +185,12 @@ function show(sent) {
   if (before !== JSON.stringify(sent.sliders)) {
     values = { ...sent.values };
     showSliders();
+  } else if (!waiting && !pending && sent.version >= answered) { // moved in another window, or by the file
+    for (const [path, value] of Object.entries(sent.values)) {
+      if (values[path] === value) continue;
+      values[path] = value;
+      setters.get(path)(value);
+    }
   }
   const text = JSON.stringify([sent.drawing, sent.handled]);
   if (text !== drawnText) { // else a drag would end where finite elements answer
@@ -195,13 +212,11 @@ function show(sent) {
 
 at("save").addEventListener("click", async () => {
   const answer = await post("save", {});
-  at("saved").textContent = answer.error || `saved: ${answer.written.join(", ") || "no change"}`;
+  at("saved").textContent = answer.error || (answer.written.length ? `saved: ${answer.written.join(", ")}` : "nothing to save");
 });
 
 at("reset").addEventListener("click", () => {
-  for (const of of state.sliders) values[of.path] = of.value;
-  showSliders();
-  ask();
+  for (const of of state.sliders) move(of.path, of.value, setters.get(of.path));
 });
 
 const events = new EventSource("events");

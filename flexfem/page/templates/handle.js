@@ -4,17 +4,34 @@ class Handle {
   static SVG = "http://www.w3.org/2000/svg";
   static SHARE = 0.08; // of the drawing: how far the largest possible motion is drawn
   static PULL = 8; // stiffness of the pull of the pointer, per that of the softest direction
+  static ROUND_OFF = 1e-5; // relative: numbers in the page have six digits
   static FULL = 0.999; // of the yield strength, from which the motion stays
 
-  constructor(host, data) {
+  constructor(host, data, before = null) { // before : the drawing that this one replaces, whose motion goes on
     this.host = host;
     this.data = data;
     this.ports = data.compliance.length;
     this.loads = new Array(this.ports).fill(0);
     this.strokes = new Array(this.ports - 3).fill(0);
     this.playing = null;
+    this.target = null; // of the pull of the output, mm; null without one
     this.allowed = Math.max(1, ...this.ends().flat().map((loads) => this.use(loads)));
     this.build();
+    this.show();
+    if (before !== null) this.resume(before);
+  }
+
+  resume(before) {
+    const { playing, target, strokes } = before;
+    before.stop();
+    if (playing !== null && playing < this.data.modes.length) {
+      this.play(playing);
+      return;
+    }
+    this.target = target;
+    if (strokes.length === this.strokes.length) this.strokes = [...strokes];
+    this.ranges.forEach((range, k) => { if (range !== this.curve) range.value = this.strokes[k]; });
+    this.loads = this.within(this.pulled(target));
     this.show();
   }
 
@@ -84,6 +101,7 @@ class Handle {
         this.limit = `${below ? this.data.range[k].below : this.data.range[k].above}, at finite displacement`;
       }
     });
+    this.most = most;
     this.limited = most > Handle.FULL;
     return this.limited ? loads.map((load) => load / most) : loads;
   }
@@ -166,6 +184,7 @@ class Handle {
       range.addEventListener("input", () => {
         this.stop();
         this.strokes[k] = Number(range.value);
+        this.target = null;
         this.loads = this.within(this.pulled(null));
         this.show();
       });
@@ -280,7 +299,7 @@ class Handle {
     this.draw(twists, shares);
     const motions = this.motions();
     const first = shares.indexOf(Math.max(...shares));
-    const small = (value, scale) => (Math.abs(value) < 1e-9 * scale ? 0 : value);
+    const small = (value, scale) => (Math.abs(value) < Handle.ROUND_OFF * scale ? 0 : value);
     const size = Math.max(...motions.slice(0, 2).map(Math.abs), 1e-12);
     const force = Math.max(...this.loads.map(Math.abs), 1e-12);
     const parts = [
@@ -313,6 +332,7 @@ class Handle {
       const [x, y] = this.at(moved);
       const target = [x - this.data.output[0], y - this.data.output[1]].map((value) => value / this.factor);
       this.loads = this.within(this.pulled(target));
+      this.target = target.map((value) => value / Math.max(this.most, 1)); // from where arrow keys go on
       this.show();
     };
     const end = () => {
