@@ -439,7 +439,8 @@ def _numbers(
         "g",
         [(value, math.nan) for value in grams],
     )
-    return [mass, *found, *parasitic(answers)]
+    details = [each for each in found if not each.main]
+    return [mass, *(each for each in found if each.main), *parasitic(answers), *details]
 
 
 def _grams(subject: Labelled, answers: Answers) -> float:

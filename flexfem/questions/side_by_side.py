@@ -176,7 +176,7 @@ def compared_numbers(
     main: Mapping[str, Mapping[str, str]],
     every_model: bool = False,
 ) -> list[ComparedNumber]:
-    """Return the numbers of several mechanisms side by side.
+    """Return the numbers of several mechanisms side by side, the main ones first.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def compared_numbers(
         for place in places:
             listed = [side.get(place) for side in cells]
             found.append(_compared(place, listed, several, main.get(question)))
-    return found
+    return sorted(found, key=lambda each: not each.main)
 
 
 def _compared(
