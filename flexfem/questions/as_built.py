@@ -123,12 +123,11 @@ def as_built(
     measured = read_necks(necks, drawn)
     widths = measured.over(drawn)
     made = _with_necks(mechanism, widths.neck)
-    parts = plates.parts_in(made, mesh_layout(made, PART_RESOLUTION))
-    plane = Stiffnesses(
-        _stiffness(mechanism.layout, plates.parts_of(mechanism)), _stiffness(made, parts)
-    )
+    drawn_parts = _parts(mechanism, mechanism.layout)
+    parts = _parts(mechanism, made)
+    joined = Stiffnesses(_stiffness(mechanism.layout, drawn_parts), _stiffness(made, parts))
     in_depth = _in_depth(mechanism, made, mesh, progress)
-    built = compared(widths, plane, in_depth, _redrawn(made, parts))
+    built = compared(widths, joined, in_depth, _redrawn(made, parts))
     return setup.result_of(
         MechanismAsBuilt,
         setup.about(mechanism, files={"necks": measured}),
@@ -176,21 +175,22 @@ class Built(NamedTuple):
 
 def compared(
     widths: Widths,
-    plane: Stiffnesses,
+    joined: Stiffnesses,
     in_depth: ModelAnswer,
     redrawn: Redrawn,
 ) -> Built:
     """Return the stiffness as drawn and as made, and its scatter.
 
-    in_depth : stiffness in three dimensions, which the scatter follows in proportion; or empty.
+    joined : of the network of parts.   in_depth : of the whole plate in three dimensions, which the
+    scatter follows in proportion; or empty.
     """
-    values = {"drawn": plane.drawn, "stiffness": plane.made, **in_depth.values}
+    values = {"drawn": joined.drawn, "stiffness": joined.made, **in_depth.values}
     along = stiffness_along(values["stiffness"])
     values["along"] = along
     values["deviation"] = 100 * (along / stiffness_along(values["drawn"]) - 1)
     if not np.any(widths.sd):
         return Built(values, [NO_DEVIATION])
-    scatter = _scatter(widths, redrawn, along / stiffness_along(plane.made))
+    scatter = _scatter(widths, redrawn, along / stiffness_along(joined.made))
     return Built({**values, **scatter.values}, scatter.notes)
 
 
@@ -253,6 +253,16 @@ def _in_depth(
         return found
 
     return plates.element_values(mesh, by_mesh, progress)[SOLID]
+
+
+def _parts(mechanism: Mechanism, layout: Layout) -> ElasticParts:
+    """Return the elastic parts of a layout, with hinges in three dimensions unless the model of the
+    mechanism is plane.
+    """
+    parts_on = plates.parts_in
+    if mechanism.model == "three_dimensional":
+        parts_on = plates.parts_in_depth
+    return parts_on(layout, mesh_layout(layout, PART_RESOLUTION))
 
 
 def _stiffness(layout: Layout, parts: ElasticParts) -> Array:

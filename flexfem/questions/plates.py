@@ -321,14 +321,12 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
     if mechanism.model != "three_dimensional" or not layout.joints:
         return ()
     plane = parts_of(mechanism)
-    assert plane.hinges is not None
     hinges = thick_hinges(layout, meshed(mechanism, PART_RESOLUTION))
+    solid = _hinges_in_depth(layout, plane, hinges)
     held = np.array([hinge.change for hinge in hinges])
     contracting = np.array([hinge.loose for hinge in hinges]) - held
     coarser = np.array([hinge.coarser for hinge in hinges])
     more_layers = (held - coarser) / ((MANY_LAYERS / FEW_LAYERS) ** ORDER_OF_LAYERS - 1)
-    ends = [layout.thickness / joint.profile.end_height for joint in layout.joints]
-    solid = plane.hinges + held + contraction(ends)[:, None, None] * contracting
     nu = max(material.poissons_ratio for material in layout.materials)
     best = Thickened(plane, plane._replace(hinges=solid), hinges)
     return (
@@ -339,6 +337,25 @@ def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
         best._replace(share=1 - OF_THE_RATIO),
         best._replace(of_bodies=1 - OF_CONSTRAINT * (1 - np.sqrt(1 - nu + nu**2))),
     )
+
+
+def parts_in_depth(layout: Layout, mesh: PlaneMesh) -> ElasticParts:
+    """Return the parts of `parts_in`, with hinges in three dimensions."""
+    plane = parts_in(layout, mesh)
+    return plane._replace(hinges=_hinges_in_depth(layout, plane, thick_hinges(layout, mesh)))
+
+
+def _hinges_in_depth(
+    layout: Layout,
+    plane: ElasticParts,
+    hinges: Sequence[ThickHinge],
+) -> Array:
+    """Return the compliances (h, 3, 3) of hinges in three dimensions, whose ends contract in part."""
+    assert plane.hinges is not None
+    held = np.array([hinge.change for hinge in hinges])
+    loose = np.array([hinge.loose for hinge in hinges])
+    ends = [layout.thickness / joint.profile.end_height for joint in layout.joints]
+    return np.asarray(plane.hinges + held + contraction(ends)[:, None, None] * (loose - held))
 
 
 def _stiffer_bodies(layout: Layout, bodies: Sequence[ElasticBody]) -> tuple[ElasticBody, ...]:

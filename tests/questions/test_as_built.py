@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.analytic.plates import respond
 from flexfem.mechanism.mechanism_file import MechanismFile
 from flexfem.questions import plates
 from flexfem.refused import BadInput
@@ -170,6 +171,7 @@ def guide():
     return MechanismFile.model_validate(
         {
             "name": "three leaves",
+            "model": "plane_stress",
             "thickness_mm": 10,
             "material": {
                 "name": "metal",
@@ -224,14 +226,28 @@ def test_leaves_guide_with_the_sum_of_their_cubes_and_carry_with_the_sum_of_thei
 @pytest.mark.slow
 def test_leaves_thicker_than_drawn_are_as_much_stiffer_in_three_dimensions(guide, tmp_path):
     """The deviation is that of the cubes, and the stiffness that of wide leaves, which cannot bend
-    across.
+    across; leaves of which each is computed alone have nearly that of the whole plate.
     """
-    flat, deep = (
-        as_made(guide, tmp_path, dict.fromkeys(LEAVES, 550), solid=whole) for whole in (False, True)
+    wide = guide.replace(model="three_dimensional")
+    flat = as_made(guide, tmp_path, dict.fromkeys(LEAVES, 550))
+    alone, deep = (
+        as_made(wide, tmp_path, dict.fromkeys(LEAVES, 550), solid=whole) for whole in (False, True)
     )
+    assert alone.stiffness[0, 0] == pytest.approx(deep.stiffness[0, 0], rel=0.01)
     assert deep.deviation[0, :2] == pytest.approx(flat.deviation[0, :2], abs=0.5)
     assert 1.0 < deep.stiffness[0, 0] / flat.stiffness[0, 0] < 1 / (1 - POISSON**2)
     assert np.all(deep.bands["stiffness"].diagonal() < 0.02 * deep.stiffness.diagonal())
+
+
+def test_leaves_as_drawn_have_the_stiffness_of_every_other_question(guide, tmp_path):
+    """That of wide leaves, which cannot bend across, 1 / (1 - 0.3^2) at most."""
+    wide = guide.replace(model="three_dimensional")
+    found = as_made(wide, tmp_path, {"a": 500})
+    parts = plates.thickness_of(wide)[0].solid
+    other = respond(wide.layout, parts.bodies, hinges=parts.hinges).compliance
+    np.testing.assert_allclose(found.stiffness, np.linalg.inv(other[:3, :3]), rtol=1e-6)
+    narrow = as_made(guide, tmp_path, {"a": 500}).stiffness[0, 0]
+    assert 1.04 < found.stiffness[0, 0] / narrow < 1 / (1 - POISSON**2)
 
 
 def test_the_scatter_of_leaves_follows_from_their_cubes(guide, tmp_path):
@@ -253,7 +269,7 @@ def test_the_scatter_of_leaves_follows_from_their_cubes(guide, tmp_path):
 
 def test_notches_as_built_are_those_of_finite_elements_of_the_whole(tmp_path):
     """The pivot of a lever deforms by shear, which beam integrals alone underestimate."""
-    lever = flexfem.load("geometry/lever-amplifier.toml")
+    lever = flexfem.load("geometry/lever-amplifier.toml").replace(model="plane_stress")
     found = as_made(lever, tmp_path, {"pivot": 400, "lower guide": 560})
     made = lever.replace(hinge={"pivot": {"neck": 0.4}, "lower guide": {"neck": 0.56}})
     drawn, whole = (
