@@ -36,6 +36,7 @@ THREE_DECADES = 1e3
 MOST_MARKED = 60  # designs, each of which has a marker on its curve
 ROOM = 0.05  # about a constant number, relative to it
 HATCHES = ("////", "xxxx", "....", "||||", "----")
+ANALYTIC_MODEL = "analytic model"
 HATCH_COLOUR = "#A8A8A8"
 PLUS: dict[str, Any] = {
     "color": NOTE_COLOUR,
@@ -74,8 +75,9 @@ def plot_curves(
     Designs without a result, and those outside constraints, are hatched.
     """
     marked = len(shown.places) <= MOST_MARKED
-    for index, curve in enumerate(panel.curves):
-        colour = COLOURS[index]
+    looks = _looks_of(shown)
+    for curve in panel.curves:
+        colour, dash, marker = looks[curve.model]
         low = curve.values - curve.bands
         high = curve.values + curve.bands
         ax.fill_between(
@@ -90,8 +92,8 @@ def plot_curves(
             shown.places,
             curve.values,
             color=colour,
-            linestyle=DASHES[index],
-            marker=MARKERS[index] if marked else "",
+            linestyle=dash,
+            marker=marker if marked else "",
             markersize=3.2,
             linewidth=1.4,
             label=curve.model or None,
@@ -106,6 +108,16 @@ def plot_curves(
     name_above(ax, panel.quantity, PANEL_WIDTH)
     ax.grid()
     return ax
+
+
+def _looks_of(shown: records.Curves) -> dict[str, tuple[str, Any, str]]:
+    """Return colour, dash and marker of every model, the same in all panels and studies: the first
+    is that of the analytic model.
+    """
+    models = [curve.model for panel in shown.panels for curve in panel.curves if curve.model]
+    named = dict.fromkeys([ANALYTIC_MODEL, *models])
+    looks = dict(zip(named, zip(COLOURS, DASHES, MARKERS, strict=False), strict=False))
+    return looks | {"": (GREY, "solid", "o")}
 
 
 def _make_room(ax: Axes, panel: records.CurvePanel) -> None:
@@ -130,7 +142,7 @@ def set_scales(
 
 def name_axis(axis: Axis, quantity: records.AxisText) -> None:
     """Set the label and the ticks of an axis that holds all its data."""
-    axis.set_label_text(style.wrapped(quantity.label, PANEL_WIDTH, 9.5))
+    axis.set_label_text(style.wrapped(label_of(quantity), PANEL_WIDTH, 9.5))
     set_ticks(axis, quantity.log)
 
 
@@ -140,7 +152,23 @@ def name_above(
     width: float,
 ) -> None:
     """Write the name and unit of the numbers of a panel above it, where long names have room."""
-    ax.set_title(style.wrapped(quantity.label, width, 9.5), loc="left", size=9.5)
+    text = style.wrapped(label_of(quantity), width, 9.5)
+    ax.set_title("\n".join(" " for _ in text.split("\n")), loc="left", size=9.5)  # room for it
+    named = ax.annotate(
+        text,
+        (0.0, 1.0),
+        (0.0, 6.0),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        va="bottom",
+        size=9.5,
+    )
+    named.set_in_layout(False)  # a text wider than its panel would make the panel wider
+
+
+def label_of(quantity: records.AxisText) -> str:
+    """Return the name and unit of numbers, without a line break in the unit."""
+    return f"{quantity.name} ({quantity.after.strip()})" if quantity.unit else quantity.name
 
 
 def set_ticks(axis: Axis, log: bool) -> None:
@@ -297,14 +325,22 @@ def _share_y(axes: list[Axes]) -> None:
 
 def _name_narrow(axis: Axis, quantity: records.AxisText) -> None:
     """Set the label and a few ticks of an axis of a narrow panel that holds all its data."""
-    axis.set_label_text(style.wrapped(quantity.label, NARROW, 8.5), size=8.5)
+    axis.set_label_text(style.wrapped(label_of(quantity), NARROW, 8.5), size=8.5)
     axis.set_tick_params(labelsize=7.5)
+    if quantity.log:
+        set_few_ticks(axis)
+        return
+    axis.set_major_locator(MaxNLocator(3))
+    axis.set_major_formatter(lambda value, _: tick_text(value))
+
+
+def set_few_ticks(axis: Axis) -> None:
+    """Set a few ticks of a logarithmic axis that holds all its data."""
     low, high = axis.get_view_interval()
-    if quantity.log and high > 2 * low:
+    if high > 3 * low:
         subs = (1.0, 2.0, 5.0) if high < THREE_DECADES * low else (1.0,)
         axis.set_major_locator(LogLocator(subs=subs))
-        axis.set_minor_locator(NullLocator())
     else:
-        axis.set_major_locator(MaxNLocator(3))
-        axis.set_minor_locator(NullLocator())
+        axis.set_major_locator(MaxNLocator(4))
+    axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(lambda value, _: tick_text(value))

@@ -18,9 +18,9 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from matplotlib.tri import Triangulation
 from scipy.spatial import Delaunay, QhullError
 
-from flexfem.arrays import Array, is_wide
+from flexfem.arrays import AnyArray, Array, is_wide
 from flexfem.plot import style
-from flexfem.plot.curves import curves_figure, effects_figure, name_above
+from flexfem.plot.curves import curves_figure, effects_figure, name_above, set_few_ticks
 from flexfem.plot.front import front_page
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, panels
 from flexfem.plot.text import minus, significant
@@ -39,6 +39,9 @@ HATCH_COLOUR = "#A8A8A8"
 VECTOR_DOTS = 5000
 MOST_MESHED = 3000  # designs between which contours are drawn
 LEAST_MESHED = 12
+SHARES_WIDTH = 6.6  # in, of the names of all panels of a row of indices
+LABELLED = 0.5  # least share of a map with values, whose contours have room for labels
+CONTOURED = 150  # points along a side of a grid whose contours are drawn
 GRID = 3  # arrays of a grid: x, y, values
 MOST_DOTS = 100_000  # most dots drawn as vectors; most drawn, else a random sample
 HATCHES = ("////", "xxxx", "....", "||||", "----")
@@ -155,6 +158,9 @@ def maps_figure(shown: records.StudyMaps) -> Figure:
         name_above(ax, each.value, PANEL_LABEL + 0.6)
         ax.xaxis.label.set_text(style.wrapped(each.x.label, PANEL_LABEL, 9.5))
         ax.yaxis.label.set_text(style.wrapped(each.y.label, PANEL_LABEL, 9.5))
+        for axis, quantity in ((ax.xaxis, each.x), (ax.yaxis, each.y)):
+            if quantity.log:
+                set_few_ticks(axis)
     if entries:
         look: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "ncols": 3}
         figure.legend(handles=[*entries.values()], **look)
@@ -233,9 +239,9 @@ def _draw_grid(
     axes.pcolormesh(x_edges, y_edges, masked, **colours, rasterized=True, zorder=1)
     entries: list[Any] = []
     for hatch, (reason, mask) in zip(HATCHES, shown.cells.missing.items(), strict=False):
-        corners = ((0, 0), (1, 0), (1, 1), (0, 1))
-        places = list(zip(column[mask], row[mask], strict=True))
-        boxes = [[(x_edges[i + a], y_edges[j + b]) for a, b in corners] for i, j in places]
+        marked = np.zeros(values.shape, dtype=bool)
+        marked[row[mask], column[mask]] = True
+        boxes = _boxes_of(marked, x_edges, y_edges)
         look: dict[str, Any] = {
             "facecolor": "white",
             "edgecolor": HATCH_COLOUR,
@@ -243,10 +249,31 @@ def _draw_grid(
             "hatch": hatch,
         }
         axes.add_collection(PolyCollection(boxes, **look, zorder=1.5), autolim=False)
-        entries.append(Patch(**look, label=f"{reason}: {thousands(len(boxes))}"))
+        entries.append(Patch(**look, label=f"{reason}: {thousands(int(mask.sum()))}"))
     if min(values.shape) > 1 and masked.count() > 3:
-        _draw_contours(axes, (xs, ys, masked), colours["norm"], shown, entries)
+        down, across = (slice(None, None, -(-count // CONTOURED)) for count in masked.shape)
+        grid = (xs[across], ys[down], masked[down, across])
+        _draw_contours(axes, grid, colours["norm"], shown, entries)
     return entries
+
+
+def _boxes_of(
+    marked: AnyArray,
+    x_edges: Array,
+    y_edges: Array,
+) -> Array:
+    """Return the corners (k, 4, 2) of rectangles that cover the marked cells, bool (rows, columns),
+    one for each stretch of cells in a row.
+    """
+    steps = np.diff(np.pad(marked, ((0, 0), (1, 1))).astype(int), axis=1)
+    rows, starts = np.nonzero(steps == 1)
+    ends = np.nonzero(steps == -1)[1]
+    left = x_edges[starts]
+    right = x_edges[ends]
+    bottom = y_edges[rows]
+    top = y_edges[rows + 1]
+    corners = [(left, bottom), (right, bottom), (right, top), (left, top)]
+    return np.asarray(np.stack([np.stack(corner, axis=1) for corner in corners], axis=1))
 
 
 def _draw_dots(
@@ -255,7 +282,10 @@ def _draw_dots(
     colours: dict[str, Any],
 ) -> list[Any]:
     """Draw a map as one dot per design; return entries of the legend."""
-    points, values, missing, *_ = shown.cells
+    count = len(shown.cells.values)
+    drawn = np.unique(np.linspace(0, count - 1, min(count, MOST_DOTS)).round().astype(int))
+    points = shown.cells.points[drawn]
+    values = shown.cells.values[drawn]
     known = np.isfinite(values)
     many = len(values) > VECTOR_DOTS
     size = float(np.clip(4e4 / max(len(values), 1), 1.5, 30.0))
@@ -272,9 +302,12 @@ def _draw_dots(
         ends = axes.get_xlim(), axes.get_ylim()
         _draw_contours(axes, mesh, colours["norm"], shown, entries)
         axes.set(xlim=ends[0], ylim=ends[1])  # contours would cut dots at the border
-    for mark, (reason, mask) in zip("x+123", missing.items(), strict=False):
+    if len(drawn) < count:
+        label = f"{thousands(len(drawn))} of {thousands(count)} designs drawn"
+        entries.append(Line2D([], [], linestyle="none", label=label))
+    for mark, (reason, mask) in zip("x+123", shown.cells.missing.items(), strict=False):
         axes.plot(
-            *points[mask].T,
+            *points[mask[drawn]].T,
             mark,
             color=GREY,
             markersize=3.5,
@@ -335,6 +368,7 @@ def _draw_contours(
     unit = shown.value.after if shown.value.unit == "%" else ""
     heavy = [mark for mark in sorted(shown.marks) if low < mark < high]
     thin = [level for level in levels(norm, shown.marks) if low < level < high]
+    labelled = np.isfinite(shown.cells.values).mean() >= LABELLED
     for where, width in ((thin, 0.7), (heavy, 2.2)):
         if where:
             lines = draw(
@@ -344,9 +378,8 @@ def _draw_contours(
                 linewidths=width,
                 zorder=3,
             )
-            for label in axes.clabel(
-                lines, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit
-            ):
+            texts = {level: minus(f"{level:.6g}") + unit for level in lines.levels}
+            for label in axes.clabel(lines, fontsize=8.0, fmt=texts) if labelled else ():
                 label.set_bbox(
                     {
                         "boxstyle": "round,pad=0.12",
@@ -586,6 +619,8 @@ def sensitivity_figure(shown: records.Sensitivity) -> Figure:
     figure, axes = panels(size, caption.title, caption.lines, rows, columns, caption, len(shares))
     for index, (ax, share) in enumerate(zip(axes, shares, strict=True)):
         plot_shares(ax, share, factors)
+        name = style.wrapped(share.quantity.name, SHARES_WIDTH / columns, 10.0)
+        ax.set_title(name, loc="left")
         if index % columns:
             ax.set_yticklabels([])
     style.share_x(axes)

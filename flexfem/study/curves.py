@@ -36,6 +36,7 @@ def curves_of(
     if table.infeasible.any():
         masks["violates a constraint"] = table.infeasible
     x = source.quantity(factor)
+    x = x._replace(log=x.log or is_wide(places))
     columns = [name for number in numbers for name in number.columns.values()]
     notes = [*lines, *_notes(source, columns, len(order) / len(drawn))]
     return Curves(

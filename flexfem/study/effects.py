@@ -15,6 +15,7 @@ MOST_READ = 50_000  # designs of which trends are computed, evenly taken
 MOST_DOTS = 1_000  # drawn designs of a panel
 MOST_FACTORS = 5  # of one page
 LEVELS = 12  # most values of a factor that are kept apart
+FEW = 5  # least number of designs in an interval
 INTERVALS = 10  # of a factor with more values
 NINE_OF_TEN = (5.0, 50.0, 95.0)  # percentiles
 
@@ -75,7 +76,9 @@ def _trend(
 ) -> Trend:
     """Return the percentiles of values (n,) at the values of a factor (n,), or in intervals of it."""
     levels, group = np.unique(places, return_inverse=True)
+    least = 1
     if len(levels) > LEVELS:
+        least = FEW
         scale = np.log(places) if log else places
         ends = np.linspace(scale.min(), scale.max(), INTERVALS + 1)
         group = np.clip(np.searchsorted(ends, scale, side="right") - 1, 0, INTERVALS - 1)
@@ -84,7 +87,7 @@ def _trend(
     found = np.full((len(levels), 3), np.nan)
     for level in range(len(levels)):
         inside = values[(group == level) & np.isfinite(values)]
-        if len(inside):
+        if len(inside) >= least:
             found[level] = np.percentile(inside, NINE_OF_TEN)
     return Trend(levels, found[:, 1], found[:, 0], found[:, 2])
 
