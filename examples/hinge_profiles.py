@@ -30,17 +30,17 @@ SHAPES: dict[str, dict[str, Any]] = {
 MARKS = {  # dimension: start and end of an arrow, mm, of the shapes that have it
     ("circular", "radius"): ((0.0, 2.5), (1.41, 1.09)),
     ("filleted", "fillet"): ((2.0, 2.5), (3.41, 1.09)),
-    ("v", "root_radius"): ((-0.3, 2.6), (-0.3, 0.55)),
+    ("v", "root_radius"): ((-1.5, 2.95), (-0.35, 0.62)),
     ("leaf", "fillet"): ((2.6, 1.7), (3.6, 0.7)),
 }
-BODY = 7.0  # height of both bodies, mm
+BODY = 8.4  # height of both bodies, mm
 
 
 def draw(file: str | None = None) -> dict[str, float]:
     """Print the rotational compliance of every shape, rad/(N mm), and draw all; aluminium, 10 mm
     thick.
     """
-    figure, axes = pyplot.subplots(2, 4, figsize=(12, 5.6), layout="constrained")
+    figure, axes = pyplot.subplots(2, 4, figsize=(12, 6.2), layout="constrained")
     found = dict[str, float]()
     for ax, (shape, dimensions) in zip(axes.flat, SHAPES.items(), strict=False):
         profile = profile_of(
@@ -59,7 +59,7 @@ def draw(file: str | None = None) -> dict[str, float]:
             )
         ax.axhline(0.0, color="white", linewidth=0.6, linestyle="-.")
         arrow(ax, (0.0, -1.9), (0.0, -0.5), "neck", (0.25, -1.9), "->")
-        arrow(ax, (-half, -3.1), (half, -3.1), "length", (0.0, -2.95), "<->")
+        arrow(ax, (-half, -3.75), (half, -3.75), "length", (0.0, -3.6), "<->")
         if "depth" in dimensions:
             arrow(
                 ax,
@@ -71,9 +71,9 @@ def draw(file: str | None = None) -> dict[str, float]:
             )
         for (of, name), (start, tip) in MARKS.items():
             if of == shape:
-                arrow(ax, start, tip, name, (start[0] - 0.2, start[1] + 0.15), "->")
+                arrow(ax, start, tip, name, (start[0] + 0.3, start[1] + 0.1), "->")
         if shape == "v":
-            ax.text(0.0, 3.1, "angle", ha="center", fontsize=8)
+            draw_angle(ax, dimensions["angle"])
         keys = ", ".join(["table"] if shape == "profile" else [*dimensions, "neck"])
         ax.set_title(f'"{shape}"\n{keys}', fontsize=10)
         ax.set(xlim=(-6, 6), ylim=(-BODY / 2, BODY / 2), aspect="equal")
@@ -88,6 +88,14 @@ def draw(file: str | None = None) -> dict[str, float]:
     if file:
         figure.savefig(file, dpi=100)
     return found
+
+
+def draw_angle(ax: Any, angle: float) -> None:
+    """Draw the angle between the flanks of the lower notch, from the point where they meet."""
+    directions = -np.pi / 2 + angle / 2 * np.linspace(-1, 1, 41)
+    arc = -0.24j + 2.3 * np.exp(1j * directions)
+    ax.plot(arc.real, arc.imag, color="black", linewidth=0.8)
+    ax.text(-0.2, -2.0, "angle", ha="right", va="center", fontsize=8)
 
 
 def arrow(ax: Any, start: Any, end: Any, name: str, at: Any, style: str) -> None:

@@ -29,7 +29,7 @@ _NAMES = {  # functions by their module under `flexfem`
     "plot.compare": "plot_overlay",
     "plot.curves": "plot_curves plot_effect",
     "plot.design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
-    "plot.errors": "plot_convergence plot_mechanism_errors",
+    "plot.errors": "plot_convergence plot_mechanism_errors plot_shares_of_error plot_steps",
     "plot.fields": "plot_displacement",
     "plot.hinge": "plot_formulas plot_hinge plot_thickness",
     "plot.life": "plot_life plot_lives",

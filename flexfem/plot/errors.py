@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.plot import style
-from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
-from flexfem.plot.text import minus, scientific
+from flexfem.plot.style import COLOURS, GREY, INK, MODEL_COLOURS, NAMES, panels, titled, wrapped
+from flexfem.plot.text import minus, scientific, typeset
+from flexfem.questions.budget import Budget
 from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import MechanismErrors
 from flexfem.results import number
+from flexfem.results.render import SMALLEST_PERCENTAGE
 from flexfem.units import DIRECTIONS, LENGTH, Direction
 
 THINNEST = 1.4  # points, of curves
@@ -22,6 +25,7 @@ THICKEST = 3.4  # points: earlier curves are thicker, and so visible below later
 WIDTH = 8.27  # in
 LEGEND_WIDTH = 1.65  # in, of the text of a legend
 NAME_WIDTH = 2.1  # in, of the name of a row
+BESIDE = 7  # points, from the end of a bar to its number
 ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 
 
@@ -60,24 +64,110 @@ def plot_mechanism_errors(
         values = result.at("percent", model=model, commanded=commanded)
         bands = result.band("percent", model=model, commanded=commanded)
         rows = np.arange(len(DIRECTIONS)) + (index - (len(models) - 1) / 2) * height
-        bars: dict[str, Any] = {"height": height, "color": COLOURS[index], "label": model}
+        bars: dict[str, Any] = {"height": 0.9 * height, "label": model}
+        bars["color"] = MODEL_COLOURS.get(model, COLOURS[-1 - index])
         ax.barh(rows, values, xerr=bands, ecolor=GREY, capsize=3, **bars)
         for row, value, band in zip(rows, values.tolist(), bands.tolist(), strict=True):
-            text = f"  {minus(number(value, band))}"
-            ax.text(
-                max(0.0, value) + band,
-                row,
-                text,
-                va="center",
-                color=INK,
-                size=8,
-            )
+            _write_beside(ax, max(0.0, value) + band, row, percentage(value, band))
         ends += [*(values - bands), *(values + bands)]
     style.name_rows(ax, [f"error in {NAMES[each]}" for each in DIRECTIONS], NAME_WIDTH)
     room = max(ends) - min(ends)
     ax.set_xlim(min(ends) - 0.05 * room, max(ends) + 0.25 * room)
     ax.set_xlabel("error, % of the commanded motion")
     return ax
+
+
+def percentage(value: float, band: float) -> str:
+    """Return the text of a percentage with its band, "0" where both are round-off as in tables."""
+    if abs(value) + np.nan_to_num(band) < SMALLEST_PERCENTAGE:
+        return "0"
+    return typeset(number(value, band))
+
+
+def _write_beside(
+    ax: Axes,
+    end: float,
+    row: float,
+    text: str,
+) -> None:
+    """Write a number to the right of the end of a bar and of its error bar."""
+    place: dict[str, Any] = {"textcoords": "offset points", "va": "center", "color": INK, "size": 8}
+    ax.annotate(text, (end, row), (BESIDE, 0), **place)
+
+
+class WaterfallBar(NamedTuple):
+    """A bar of a waterfall: its name, its value and its band, in per cent.
+
+    band : 0 where it is unknown.
+    is_total : whether it begins at zero, not at the end of the previous bar.
+    """
+
+    name: str
+    value: float
+    band: float
+    is_total: bool = False
+
+
+def plot_steps(
+    ax: Axes,
+    steps: Sequence[WaterfallBar],
+    places: int,
+) -> Axes:
+    """Draw a waterfall of shares and their sums, with decimal places without a band; return `ax`."""
+    ends = [0.0]
+    for row, step in enumerate(steps):
+        start = 0.0 if step.is_total else ends[-1]
+        end = start + step.value
+        ends.append(end)
+        look: dict[str, Any] = {"height": 0.62, "ecolor": GREY, "capsize": 4}
+        look["color"] = INK if step.is_total else COLOURS[int(step.value < 0)]
+        ax.barh(row, step.value, left=start, xerr=step.band or None, **look)
+        text = percentage(step.value, step.band)
+        if not step.band and text != "0":
+            text = minus(f"{step.value:+.{places}f}")
+        _write_beside(ax, max(start, end) + step.band, row, text)
+        if row < len(steps) - 1:
+            ax.plot([end] * 2, [row - 0.31, row + 1.31], color=GREY, linewidth=0.8)
+    style.name_rows(ax, [step.name for step in steps], NAME_WIDTH)
+    room = max(ends) - min(ends)
+    ax.set_xlim(min(ends) - 0.05 * room, max(ends) + 0.3 * room)
+    ax.set_xlabel("error, % of the commanded motion")
+    return ax
+
+
+@style.in_house_style
+def budget_figure(found: Budget) -> Figure:
+    """Draw the error budget of a mechanism, a panel for every direction that is not held."""
+    lines = [
+        "Shares of the error of the network with rigid bodies against finite elements of the "
+        "whole mechanism. Each bar begins where the previous one ends. Blue increases the error, "
+        "orange decreases it. ±: band."
+    ]
+    title = f"{found.about.name}: error budget"
+    moved = [axis for axis in DIRECTIONS if np.isfinite(found.at("share", direction=axis)).all()]
+    size = (WIDTH, 0.6 + len(moved) * (0.3 * len(found.axes["share"]) + 0.6))
+    figure, axes = panels(size, title, lines, len(moved), assumptions=found.about)
+    for letter, ax, commanded in zip("abc", axes, moved, strict=False):
+        plot_shares_of_error(ax, found, commanded)
+        titled(ax, letter, f"command in {NAMES[commanded]}")
+    return figure
+
+
+def plot_shares_of_error(
+    ax: Axes,
+    found: Budget,
+    commanded: Direction,
+) -> Axes:
+    """Draw the shares of the error of a mechanism along a command, and their sum; return `ax`."""
+    names = found.axes["share"]
+    values = found.at("share", direction=commanded).tolist()
+    bands = np.nan_to_num(found.band("share", direction=commanded)).tolist()
+    steps = [
+        WaterfallBar(name, value, band, name == names[-1])
+        for name, value, band in zip(names, values, bands, strict=True)
+    ]
+    largest = float(np.max(np.abs(values)))
+    return plot_steps(ax, steps, int(np.clip(2 - np.floor(np.log10(largest or 1.0)), 0, 3)))
 
 
 def curve_style(

@@ -48,6 +48,7 @@ class Budget(Result):
 
     kind_name = "mechanism_budget"
     title = "error budget"
+    figure = "errors.budget_figure"
     main_result = ("share", {})
     labels: ClassVar = {"share": SHARES}
     footnotes: ClassVar[tuple[str, ...]] = (

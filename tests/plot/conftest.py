@@ -13,6 +13,7 @@ import pytest
 from flexfem.arrays import Array
 from flexfem.paper.budget import StageBudget
 from flexfem.paper.verification import CurveModels, HingeDrawing, Verification
+from flexfem.questions.budget import PLANE_SHARES, Budget
 from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import MechanismErrors
 from flexfem.results import About, Fields
@@ -164,6 +165,14 @@ def guide_errors() -> MechanismErrors:
     return MechanismErrors(
         About("a guide"), values, bands, {"model": ("analytic", "elastic bodies")}
     )
+
+
+def guide_budget() -> Budget:
+    """Shares of 3, -1, 1e-13 and their sum along y, with the bands of the last two; x is held."""
+    shares = np.array([3.0, -1.0, 1e-13, 2.0])
+    values = {"share": np.column_stack([np.full(4, np.nan), shares, 10 * shares])}
+    bands = {"share": np.array([[np.nan] * 3, [np.nan] * 3, [1e-14] * 3, [0.25] * 3])}
+    return Budget(About("a guide"), values, bands, {"share": PLANE_SHARES})
 
 
 def fields() -> Fields:

@@ -16,6 +16,7 @@ from matplotlib import pyplot
 
 import flexfem
 from flexfem.paper.fixture import MeasuredSlopes, Measurement
+from flexfem.plot.errors import WaterfallBar
 from flexfem.questions.check import hinge_review, thickness_review
 from flexfem.results import Result
 from flexfem.study.records import (
@@ -148,6 +149,11 @@ DRAWN: dict[str, Any] = {
     "plot_section": lambda made: (reached(),),
     "plot_sensitivity": lambda made: (recorded(), "envelope_mm"),
     "plot_shares": lambda made: (share, ["one", "two"]),
+    "plot_shares_of_error": lambda made: (made.guide_budget(), "y"),
+    "plot_steps": lambda made: (
+        [WaterfallBar("one", 2.0, 0.0), WaterfallBar("sum", 2.0, 0.1, True)],
+        1,
+    ),
     "plot_solid": lambda made: (reached(),),
     "plot_strokes": lambda made: (driven(),),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),

@@ -12,8 +12,11 @@ from matplotlib.colors import to_rgb
 
 from flexfem.paper.figures.budget import budget_figure
 from flexfem.paper.figures.errors import error_figure
+from flexfem.plot import errors
 from flexfem.plot.errors import convergence_figure
 from flexfem.units import DIRECTIONS
+
+from .conftest import guide_budget
 
 ERRORS = {"mobility three": (0.1407, 0.0311, -0.0523), "mobility six": (-0.0712, 3e-5, 0.0411)}
 BANDS = {
@@ -291,3 +294,16 @@ def test_the_bar_of_the_finest_mesh_ends_at_its_band(study):
         np.testing.assert_allclose(
             sorted(bar[:, 1]), [min(distance[-1], SPREAD[name]), SPREAD[name]], rtol=1e-9
         )
+
+
+def test_a_budget_of_a_mechanism_is_a_waterfall_without_round_off_or_held_directions():
+    figure = errors.budget_figure(guide_budget())
+    assert [ax.get_title(loc="left") for ax in figure.axes] == [
+        "(a) command in y",
+        "(b) command in θ",
+    ]
+    bars = [bar for container in figure.axes[0].containers for bar in container.get_children()]
+    drawn = [(bar.get_x(), bar.get_width()) for bar in bars if hasattr(bar, "get_width")]
+    np.testing.assert_allclose(drawn, [(0, 3), (3, -1), (2, 0), (0, 2)], atol=1e-9)
+    texts = [text.get_text() for text in figure.axes[0].texts]
+    assert texts == ["+3.00", "−1.00", "0", "2.00 ± 0.25"]
