@@ -6,6 +6,7 @@ import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from io import StringIO
 from pathlib import Path
 from textwrap import shorten
@@ -181,8 +182,13 @@ class Comparison:
     def heading(self) -> str:
         """Return the subjects and the settings in one line."""
         labels = ", ".join(self.labels[1:])
-        stated = [f"{name} {value}" for name, value in self.settings.items() if value]
-        return f"{labels} compared with {self.labels[0]}: {'; '.join(stated)}"
+        stated = [
+            f"{name} {value}".removesuffix(" True")
+            for name, value in self.settings.items()
+            if value
+        ]
+        asked = "; ".join(stated).replace("question summary", "key results")
+        return f"{labels} compared with {self.labels[0]}: {asked}"
 
     def tables(self, plain: bool = True, brief: bool = False) -> list[TextTable]:
         """Return the tables: numbers, inputs that differ, plates, and hinges that differ.
@@ -335,7 +341,8 @@ class Comparison:
     def _repr_html_(self) -> str:
         """Return the tables and the figure for a notebook, which alone loads what draws it."""
         tables = "".join(map(html_table, self.tables(plain=False, brief=True)))
-        return f"<p>{self.heading()}</p>{tables}{named('plot.inline.inline_figure')(self)}"
+        about = f"<p><b>{escape(self.heading())}</b><br>{escape(self.answer())}</p>"
+        return f"{about}{tables}{named('plot.inline.inline_figure')(self)}"
 
     # tables
 

@@ -176,6 +176,19 @@ def test_tables_fit_a_terminal_and_files_have_all_numbers(doubled, flexfem, tmp_
     assert max(len(line) for line in numbers[: numbers.index("")] or numbers) <= 80
 
 
+def test_a_page_is_one_file_with_numbers_drawing_and_sources(guide):
+    from flexfem.page.compare import comparison_page
+
+    odd = guide.replace(name="<b>odd</b> & co")
+    found = api.compare(guide, odd, question="modes", models="analytic")
+    for text in (comparison_page(found), found._repr_html_()):
+        assert "&lt;b&gt;odd&lt;/b&gt; &amp; co" in text and "<b>odd" not in text
+    page = comparison_page(found)
+    assert page.count("<svg") == 1 and "natural frequency, mode 1 (Hz)" in page
+    assert "Sources of the numbers" in page and "http://" not in page.replace("http://www.w3", "")
+    assert "flexfem compare" in page and "--question modes --models analytic" in page
+
+
 def test_an_unknown_number_is_named(doubled):
     with pytest.raises(BadInput, match=r"did you mean stiffness\.free\.x\?"):
         doubled.change("stiffnes.free.x")
