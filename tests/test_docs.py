@@ -50,7 +50,9 @@ def now(source):
         return load_stage(ROOT / name).drive_hash[:16]
     if name.startswith("cases/design-"):
         found = load_requirements(ROOT / name)
-        asked = found.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance"})
+        asked = found.requirements.model_dump(
+            mode="json", exclude={"name", "mechanism", "provenance"}
+        )
         return digest([asked, found.base.hash])[:16]
     if not path:
         return (load_study if "study-" in name else load)(ROOT / name).hash[:16]

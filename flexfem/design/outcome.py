@@ -70,7 +70,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
     return record.Designed(
         name=required.name,
         file=str(loaded.path),
-        base=required.stage,
+        base=required.mechanism,
         hash=mechanism.hash,
         seed=required.seed,
         accuracy_percent=required.accuracy_percent,

@@ -138,7 +138,7 @@ def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
     }
     settings = {
         "study": f"{study.name} ({loaded.path.name})",
-        f"base {loaded.base.kind.removesuffix(' file')}": f"{loaded.base.name} ({study.stage})",
+        f"base {loaded.base.kind.removesuffix(' file')}": f"{loaded.base.name} ({study.mechanism})",
         "model": names.model_words(loaded),
         "sample": f"{names.sampling_words(loaded)}, {thousands(loaded.count)} designs",
         "designs": names.counted(counts),

@@ -81,8 +81,7 @@ class StageFamily(Family):
         study = self.study
         stage = self.stage
         if study.on_mechanism:
-            text = f"stage = {shown(study.stage)}, expected a mechanism file"
-            return Misfit(("stage",), text)
+            return Misfit((), "expected a mechanism file")
         problem = (
             f"model = {shown(study.model)} on a stage with model = {shown(stage.model)}, expected"
         )

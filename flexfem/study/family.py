@@ -12,7 +12,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.files.expressions import Evaluated, names_in, value_of
 from flexfem.files.provenance import Assumptions
-from flexfem.files.refusals import KeyPath, shown
+from flexfem.files.refusals import KeyPath
 from flexfem.mechanism.keys import PARAMETERS, Key, keys
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.setup import WITHOUT_PRELOAD
@@ -40,7 +40,10 @@ MODELS = {
 
 
 class Misfit(NamedTuple):
-    """Why a base does not suit a study, with the key of the study file at fault."""
+    """Why a base does not suit a study.
+
+    key : of the study file at fault; () for the key that names the base.
+    """
 
     key: KeyPath
     text: str
@@ -96,8 +99,8 @@ class Family:
         """Return why the base does not suit the study, None where it does."""
         if self.study.on_mechanism:
             return None
-        expected = "factors with keys parameters.NAME for a mechanism"
-        return Misfit(("stage",), f"stage = {shown(self.study.stage)}, expected {expected}")
+        expected = "expected factors with keys parameters.NAME for a mechanism"
+        return Misfit((), expected)
 
     def columns_of(
         self,

@@ -13,7 +13,7 @@ from flexfem.arrays import Array
 from flexfem.files.expressions import names_in
 from flexfem.files.provenance import Assumptions, Sourced, is_assumed
 from flexfem.files.refusals import key_path, shown
-from flexfem.files.toml import PathLike, bad_key, validate
+from flexfem.files.toml import PathLike, bad_key, read_toml, validate
 from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.loading import load
@@ -22,13 +22,13 @@ from flexfem.refused import BadInput
 from flexfem.study import sampling
 from flexfem.study.factors import Column
 from flexfem.study.family import Family, family_of
-from flexfem.study.plan import EXTENSIBLE, Asked, Study
+from flexfem.study.plan import BASE_KEYS, EXTENSIBLE, Asked, Study
 from flexfem.study.sampling import DesignTable, design_table_of
 
 # keys of a study file on which its rows do not depend, or which `LoadedStudy.hash` treats alone
 NOT_HASHED = {
     "name",
-    "stage",
+    "mechanism",
     "factor",
     "figure",
     "provenance",
@@ -187,14 +187,19 @@ def base_of(
 
 def base_mechanism(path: PathLike, study: Study) -> Mechanism:
     """Return the base that a study names. Raises BadInput where it does not suit the study."""
+    stated = read_toml(path).data
+    key = next(key for key in BASE_KEYS if key in stated)
+    named = f"{key} = {shown(study.mechanism)}"
     try:
-        base = load(os.path.normpath(Path(path).parent / study.stage))
+        base = load(os.path.normpath(Path(path).parent / study.mechanism))
     except BadInput as error:
-        raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
+        raise bad_key(path, (key,), f"{named}: {error}") from None
     misfit = family_of(base, study).misfit()
-    if misfit is not None:
+    if misfit is None:
+        return base
+    if misfit.key:
         raise bad_key(path, *misfit)
-    return base
+    raise bad_key(path, (key,), f"{named}, {misfit.text}")
 
 
 def sample(

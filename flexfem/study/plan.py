@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import BaseModel, Field, field_validator, model_validator
+from pydantic import AliasChoices, BaseModel, Field, field_validator, model_validator
 
 from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.files import quantities
@@ -74,6 +74,7 @@ UNCORRELATED: dict[Method, str] = {
     "grid": "a grid contains all combinations of values",
     "table": "its rows are used unchanged",
 }
+BASE_KEYS = ("mechanism", "stage")  # of the file of the base; either one
 BAND = ".band"  # after the path of a number: the column of the half-width of its band
 SINGULAR = 1e-9  # eigenvalue of a correlation matrix, below which it is singular
 # models of the keys that not every model takes
@@ -127,10 +128,13 @@ class Asked(Sourced):
 
     name: Label = Field(examples=["Stiffness against range"])
     """Title of figures and, of a design, name of the designed stage"""
-    stage: Label = Field(examples=["stage.toml"])
-    """File of the base stage or mechanism, relative to this file. It has the values of all numbers
-    that do not vary. Keys of a mechanism are `parameters.NAME`, and its outputs are the numbers of
-    `ask` """
+    mechanism: Label = Field(
+        validation_alias=AliasChoices(*BASE_KEYS),
+        examples=["mine.toml"],
+    )
+    """File of the base, relative to this file. It has the values of all numbers that do not vary.
+    The key may also be `stage`. Keys of a mechanism are `parameters.NAME`, and its outputs are the
+    numbers of `ask` """
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
     mobility: Mobility | None = Field(
         default=None,

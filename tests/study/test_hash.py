@@ -114,7 +114,7 @@ def test_every_key_of_a_study_changes_its_hash_but_those_that_answers_do_not_dep
     found = unseen(loaded.study, lambda study: replace(loaded, study=study).hash, places)
     assert found == {
         ("name",),
-        ("stage",),
+        ("mechanism",),
         ("figure",),
         ("provenance",),
         ("time_limit",),

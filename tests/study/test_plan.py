@@ -355,6 +355,16 @@ def test_an_infeasible_stage_is_named_with_the_line_of_the_study(studies: Any) -
         studies.load()
 
 
+def test_the_base_has_one_of_two_keys(studies: Any) -> None:
+    by_stage = studies.load()
+    by_mechanism = studies.load(("stage =", "mechanism ="))
+    assert by_mechanism.hash == by_stage.hash
+    with pytest.raises(BadInput, match=r"study\.toml, line 2: mechanism = \"no\.toml\": "):
+        studies.load(('stage = "stage.toml"', 'mechanism = "no.toml"'))
+    with pytest.raises(BadInput, match=r"line 3: stage is an unknown key"):
+        studies.load(("stage =", 'mechanism = "stage.toml"\nstage ='))
+
+
 def test_a_normal_distribution_is_about_the_stages_own_value(studies: Any) -> None:
     necks = studies.load(
         ("hinges.base.neck_mm", "override.*.*.neck_mm"),
