@@ -133,7 +133,9 @@ def plot_lives(ax: Axes, found: Life) -> Axes:
     for model, cycles in zip(found.axes["model"], found.cycles, strict=True):
         lives = np.ravel(cycles)[numbers]
         drawn = lives < LONGEST_LIFE
-        look = MODEL_LOOKS[model] | {"linestyle": "none", "label": model}
+        # the curve has a label for every kind of hinge of a chain
+        label_of_model = model if "chain" not in found.axes else None
+        look = MODEL_LOOKS[model] | {"linestyle": "none", "label": label_of_model}
         ax.plot(np.maximum(lives[drawn], REVERSAL), rows[drawn], marker="o", **look)
         if not drawn.all():
             at_end = {"transform": ax.get_yaxis_transform(), "marker": ">", "label": None}
