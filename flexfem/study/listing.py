@@ -69,6 +69,6 @@ def _states(source: Source, listed: Index) -> Sequence[str]:
         if broken[place]:
             state = "violates a constraint"
         elif not table.ok[place]:
-            state = f"{table.status[place]}: {table.reason[place]}"
+            state = str(table.status[place])
         states.append(state)
     return states
