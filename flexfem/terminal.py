@@ -15,6 +15,7 @@ from types import FrameType, TracebackType
 from typing import Any
 
 EVERY = 10.0  # s between two progress lines
+LOOK_AGAIN = 1.0  # s between two updates of a message on a terminal
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 IMPORTER = "<frozen importlib._bootstrap>"  # file name in frames of the import system
 LOOK = 0.02  # s between two checks whether an import has ended
@@ -230,12 +231,19 @@ def reason_of(error: BaseException) -> str:
 
 
 @contextmanager
-def showing_progress(description: str, pause: float = 0.0) -> Iterator[Callable[[str], None]]:
+def showing_progress(
+    description: str,
+    pause: float = 0.0,
+    more: Callable[[], str] = str,
+) -> Iterator[Callable[[str], None]]:
     """Yield a function that shows a progress message.
 
     A terminal shows a spinner, removed at the end. Other streams get a line for each message at
     least `pause` s after the last line, and a line with the time whenever `EVERY` s have passed
     without one.
+
+    more : function that returns what is shown after the message, such as the remaining time; ""
+        for nothing.
     """
     stream = sys.stderr.raw if isinstance(sys.stderr, Plain) else sys.stderr
     if stream.isatty():
@@ -243,28 +251,46 @@ def showing_progress(description: str, pause: float = 0.0) -> Iterator[Callable[
         from rich.text import Text
 
         with Console(file=stream).status(Text(description)) as sign:
-            yield lambda text: sign.update(Text(f"{description}: {text}"))
+            message = [description]
+
+            def update(text: str) -> None:
+                message[0] = f"{description}: {text}"
+                sign.update(Text(message[0] + more()))
+
+            with _every(LOOK_AGAIN, lambda: sign.update(Text(message[0] + more()))):
+                yield update
         return
     began = time.monotonic()
-    ended = threading.Event()
     latest = began - pause
 
     def say(text: str) -> None:
         nonlocal latest
         if time.monotonic() - latest >= pause:
             latest = time.monotonic()
-            print(f"{description}: {text}", file=sys.stderr, flush=True)
+            print(f"{description}: {text}{more()}", file=sys.stderr, flush=True)
 
     def remind() -> None:
-        while not ended.wait(EVERY):
-            if time.monotonic() - latest >= EVERY:
-                seconds = time.monotonic() - began
-                print(f"{description}: {seconds:.0f} s", file=sys.stderr, flush=True)
+        if time.monotonic() - latest >= EVERY:
+            seconds = time.monotonic() - began
+            print(f"{description}: {seconds:.0f} s{more()}", file=sys.stderr, flush=True)
 
-    thread = threading.Thread(target=remind, daemon=True)
+    with _every(EVERY, remind):
+        yield say
+
+
+@contextmanager
+def _every(pause: float, remind: Callable[[], object]) -> Iterator[None]:
+    """Call a function every `pause` s, in a thread."""
+    ended = threading.Event()
+
+    def repeat() -> None:
+        while not ended.wait(pause):
+            remind()
+
+    thread = threading.Thread(target=repeat, daemon=True)
     thread.start()
     try:
-        yield say
+        yield
     finally:
         ended.set()
         thread.join()

@@ -189,10 +189,12 @@ def design(
     # before the import of numpy: threads change the last bits of results
     os.environ.update(ONE_THREAD)
     from flexfem.design.run import run_design
+    from flexfem.design.timing import Timing
 
     began = time.monotonic()
-    with terminal.showing_progress("design", pause=terminal.EVERY) as say:
-        found = run_design(requirements, output, workers, say, scheduler)
+    timing = Timing()
+    with terminal.showing_progress("design", terminal.EVERY, timing.text) as say:
+        found = run_design(requirements, output, workers, say, scheduler, timing=timing)
     if output is not None:
         from flexfem.plot.write import write_design_figures
 

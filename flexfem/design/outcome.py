@@ -17,6 +17,7 @@ from flexfem.design.proof import ElementSolver, Proof, Proposal, proof, space_ma
 from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective, Require, Tolerance
 from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import optimum
+from flexfem.design.timing import Timing
 from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import key_path, one_line, path_of
 from flexfem.files.tables import LABEL_LENGTH
@@ -26,7 +27,7 @@ from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs
 from flexfem.study.fronts import non_dominated
 from flexfem.study.loaded import mechanism_of
-from flexfem.study.names import axis_of, factor
+from flexfem.study.names import asked, axis_of, factor
 from flexfem.study.tables import Better
 
 PLANE_ALONE = {
@@ -39,6 +40,7 @@ PLANE_ALONE = {
     *outputs.CROSSES,
     *outputs.BANDS,
 }
+DRAWN = {"envelope_mm"}  # of the drawing, of no model
 SHOWN = 200  # steps of a history
 ACTIVE = 1e-3  # largest relative margin of an active requirement, at the optimum without steps
 END = 1e-4  # of a range within which a dimension is at its end
@@ -49,13 +51,16 @@ APART = 1e-3  # of the spans of a front: closer designs count as one
 SHARED = 2000  # stages with scattered necks in the share
 
 
-def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Designed:
+def designed(
+    loaded: LoadedRequirements, solver: ElementSolver, timing: Timing | None = None
+) -> record.Designed:
     """Return the best stage that meets the requirements, or the one with the least violation.
 
     Raises ComputationFailed when finite elements of a proposed design fail, BadInput when no design
     has a solution.
     """
-    rounds, agreed = space_mapping(Model(loaded, counts=solver.counts, say=solver.say), solver)
+    first = Model(loaded, counts=solver.counts, say=solver.say)
+    rounds, agreed = space_mapping(first, solver, timing)
     _, best, last = rounds[-1]
     model = last.model
     required = loaded.requirements
@@ -180,6 +185,16 @@ def _source_of_array(
     return f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
 
 
+def title_of(loaded: LoadedRequirements, requested: Objective | Require) -> str:
+    """Return the label of a quantity, without one that of the output that it names, or the meaning
+    of the number that it is, or the expression.
+    """
+    required = loaded.requirements
+    if requested.label is None and requested.quantity in required.ask:
+        return asked(requested.quantity, loaded.base).name
+    return required.title_of(requested)
+
+
 def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Checked:
     """Return the model that gives the value of a quantity, by all names that it uses."""
     required = loaded.requirements
@@ -191,7 +206,7 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
         unchecked |= {*SCATTERED}
     if names & unchecked:
         return "analytic model alone"
-    if not names & {*required.outputs, *outputs.ERRORS, *SCATTERED}:
+    if not names & {*required.outputs, *outputs.ERRORS, *SCATTERED} - DRAWN:
         return "exact"  # mass and envelope of the drawing, dimensions themselves
     return "finite elements in three dimensions" if loaded.solid else "finite elements"
 
@@ -211,7 +226,7 @@ def _quantity(
     banded = sampled or by.startswith("finite")
     return {
         "name": quantity,
-        "label": required.title_of(requested),
+        "label": title_of(loaded, requested),
         "unit": axis_of(loaded, quantity).unit if quantity in names else "",
         "value": _without_round_off(verified, k, verified.elements),
         "band": float(verified.bands[k]) if banded else None,
@@ -291,7 +306,7 @@ def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
             relax_to = float(quantities[0, k])
             missed = float(softened.cost(quantities)[0])
             percent = 100 * missed if missed > ROUND_OFF else 0.0
-        title = model.required.title_of(requirement)
+        title = title_of(model.loaded, requirement)
         found.append(
             record.SoleRelaxation(
                 requirement=title,

@@ -23,9 +23,11 @@ from flexfem.design.kind import kind_of
 from flexfem.design.model import MISSED, Correction, Model, correction_of, silent
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
 from flexfem.design.scatter import CouplingQuantiles, named
-from flexfem.design.search import BestDesign, optimum
+from flexfem.design.search import BestDesign, optimum, share_of_search
+from flexfem.design.timing import CHECK, SEARCH, Timing
 from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.plate_checks import triangles_needed
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, Progress
@@ -42,6 +44,8 @@ BY_ELEMENTS = "finite elements"
 IN_THREE = "finite elements in three dimensions"  # keys of the counts
 MODEL = re.compile(rf"\.{ANALYTIC}(?=\.|$)")  # in the path of a number
 LIMIT = 600.0  # s for one mesh
+# of a check of stiffness and modes on one processor, for a first guess of its time
+SECONDS_PER_TRIANGLE = 4e-4
 LOCAL = 0.01  # gap between the models below which the next search is local to the last design
 ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # parts of the accuracy added to the bands in the guards, tried in turn
@@ -266,30 +270,38 @@ class Proposal(NamedTuple):
     proof: Proof
 
 
-def space_mapping(model: Model, solver: ElementSolver) -> tuple[list[Proposal], bool]:
+def space_mapping(
+    model: Model, solver: ElementSolver, timing: Timing | None = None
+) -> tuple[list[Proposal], bool]:
     """Search, solve and correct until model and finite elements agree at the optimum and all ends
     are kept there.
 
     Returns all rounds, and whether they converged. Requirements are tightened by the bands, and
     with continuous dimensions by the accuracy, as far as feasible designs remain. Raises BadInput
     when no design has a solution."""
+    timing = timing or Timing()
     accuracy = model.required.accuracy_percent / 100
     tightening = _Tightening(model)
     rounds = list[Proposal]()
     near = None
     everywhere = True
+    assumed = SECONDS_PER_TRIANGLE * triangles_needed(model.loaded.base.layout)
     for _ in range(ROUNDS):
+        timing.starts(SEARCH, share=share_of_search(model))
         model, best = _guarded(model, tightening.guards, near, everywhere)
+        timing.starts(CHECK, assumed)
         last = proof(model, solver, best.values)
         side = -1.0 if rounds and not np.any(model.guard) else 1.0
         rounds.append(Proposal(model, best, last))
         missed = best.merit >= MISSED
         if last.gap <= accuracy and (missed or keeps_ends(last, side)):
+            timing.ends()
             return rounds, True
         near = best.values
         everywhere = last.gap > LOCAL or missed
         tightening.widen(last.bands)
         model = last.model
+    timing.ends()
     return rounds, False
 
 

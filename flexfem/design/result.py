@@ -26,7 +26,13 @@ Checked: TypeAlias = Literal[
 
 
 LIMITING = "limits the objective"  # heading and entry
-CHECK = ["checked by", "uncorrected model"]  # headings
+CHECK = ["source of the value", "analytic model", "difference (%)"]  # headings
+SOURCES: dict[Checked, str] = {
+    "finite elements": "checked by finite elements",
+    "finite elements in three dimensions": "checked by finite elements in three dimensions",
+    "analytic model alone": "analytic model",
+    "exact": "exact",
+}
 
 
 class Record(BaseModel):
@@ -75,9 +81,34 @@ class DesignedQuantity(Record):
         return text
 
     @property
+    def is_checked(self) -> bool:
+        """Whether the value is by finite elements."""
+        return self.checked_by.startswith("finite")
+
+    @property
+    def difference_percent(self) -> float | None:
+        """Difference of finite elements from the uncorrected model, %; None without both."""
+        if not self.is_checked or not self.uncorrected or not self.value:
+            return None
+        return 100 * (self.value / self.uncorrected - 1)
+
+    @property
+    def source(self) -> str:
+        """The value's source as text, with the difference from the analytic model."""
+        text = SOURCES[self.checked_by]
+        if self.difference_percent is None:
+            return text
+        return f"{text}, difference {self.difference_percent:+.2g} % from the analytic model"
+
+    @property
     def checks(self) -> list[str]:
-        """The model that checked the value, and the value by the uncorrected model."""
-        return [self.checked_by, f"{self.uncorrected:.6g}"]
+        """The source of the value, the value by the uncorrected model, and their difference."""
+        difference = self.difference_percent
+        return [
+            SOURCES[self.checked_by],
+            f"{self.uncorrected:.6g}",
+            "" if difference is None else f"{difference:+.2g}",
+        ]
 
 
 class Goal(DesignedQuantity):
@@ -242,7 +273,8 @@ class Designed(Record):
         """
         notes = [
             "±: band of the meshes, and for a coupling under tolerance of the random stages; a "
-            "value without a band is exact, or by the analytic model alone"
+            "value without a band is exact, or by the analytic model; a value that is checked by "
+            "finite elements is theirs"
         ]
         tight = [
             f"{each.label} by {each.tightened_percent:.2g} %"

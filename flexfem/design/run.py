@@ -17,6 +17,7 @@ from flexfem.design.outcome import designed
 from flexfem.design.proof import ElementSolver
 from flexfem.design.requirements import LoadedRequirements, load_requirements
 from flexfem.design.result import Designed
+from flexfem.design.timing import Timing
 from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_folder, check_name, write_atomically
@@ -36,6 +37,7 @@ def run_design(
     say: Callable[[str], object] = silent,
     scheduler: str | None = None,
     executor: Executor | None = None,
+    timing: Timing | None = None,
 ) -> Designed:
     """Find the best stage or mechanism for requirements, or the nearest one, and check it by finite
     elements.
@@ -58,6 +60,8 @@ def run_design(
         scheduler file.
     executor : concurrent.futures.Executor, optional
         Solve finite elements on the workers of this executor.
+    timing : Timing, optional
+        Is told of the parts of the design as they start, for the remaining time.
 
     Returns
     -------
@@ -91,7 +95,8 @@ def run_design(
     if workers > 1 or elsewhere:
         pool = workers_of(workers, scheduler, executor)
     with pool as processes:
-        found = designed(loaded, ElementSolver(loaded, Counter(), processes, kept, say))
+        solver = ElementSolver(loaded, Counter(), processes, kept, say)
+        found = designed(loaded, solver, timing)
     if folder is not None and kept is not None:
         _write(found, folder, _base_file(loaded))
         shutil.rmtree(kept, ignore_errors=True)

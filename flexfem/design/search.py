@@ -59,6 +59,24 @@ SPARING = Effort(
 )
 
 
+def effort_of(model: Model) -> Effort:
+    """Return the effort of searches by a model."""
+    return SPARING if model.required.on_mechanism else FULL
+
+
+def share_of_search(model: Model) -> Callable[[], float]:
+    """Return a function that returns the share of a search from now on that is done, about."""
+    effort = effort_of(model)
+    d = model.space.size
+    each = int(np.clip(effort.each * d, effort.least, effort.most))
+    local = effort.near * (effort.local + 1) + 2 * effort.iterations * (2 * d + 1)
+    whole = effort.sample + each * effort.generations + local
+    if not model.space.continuous.all():
+        whole += (2 * d + 1) * effort.iterations * effort.beam * d  # at most, of rounding
+    before = model.counts["analytic"]
+    return lambda: (model.counts["analytic"] - before) / whole
+
+
 class BestDesign(NamedTuple):
     """Result of a search: the best design (d,) on the steps, in file units, and the best one
     without steps, `relaxed`.
@@ -107,7 +125,7 @@ class _Search:
         self.best = np.inf
         self.noted = np.inf
         self.history = list[tuple[int, float | None, float]]()
-        self.effort = SPARING if model.required.on_mechanism else FULL
+        self.effort = effort_of(model)
         self.drawable = dict[bytes, bool]()
         self.evaluations_before = model.counts["analytic"]
 

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from flexfem.design.result import Designed, Goal, Requirement
+from flexfem.design.result import SOURCES, Designed, Goal, Requirement
 from flexfem.files.refusals import shown
 from flexfem.mechanism.loading import mechanism_of
 from flexfem.mechanism.mechanism import Mechanism
@@ -47,9 +47,7 @@ def design_figure(found: Designed) -> Figure:
     """
     state = "every requirement is met" if found.feasible else "not every requirement is met"
     lines = [
-        "; ".join(
-            f"{goal.label}: {goal.formatted()}, {goal.checked_by}" for goal in found.objectives
-        )
+        "; ".join(f"{goal.label}: {goal.formatted()}, {goal.source}" for goal in found.objectives)
         + f"; {state}.",
         "; ".join(
             f"{name} {x:g} {found.units.get(name, '')}".rstrip() for name, x in found.design.items()
@@ -86,7 +84,7 @@ def plot_margins(ax: Axes | None, found: Designed) -> Axes:
     hollow = False
     for row, (margin, requirement) in enumerate(zip(margins, found.requirements, strict=True)):
         colour = COLOURS[1] if requirement.verdict == "missed" else COLOURS[0]
-        solid = requirement.checked_by.startswith("finite")
+        solid = requirement.checked_by != "analytic model alone"
         hollow |= not solid
         ax.plot(
             [0, margin], [row, row], color=colour, linewidth=4, alpha=0.45, solid_capstyle="butt"
@@ -111,7 +109,7 @@ def plot_margins(ax: Axes | None, found: Designed) -> Axes:
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_xlabel(
         "margin to limit (%); bars: uncertainty"
-        + "\nhollow: not checked by finite elements" * hollow
+        + "\nhollow: analytic model, not checked by finite elements" * hollow
     )
     return ax
 
@@ -127,7 +125,7 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
     ]
     if best:
         met = "best design that meets all requirements"
-        final = "final design by finite elements"
+        final = f"final design, {SOURCES[goal.checked_by]}"
         ax.step(
             *np.array(best, dtype=float).T,
             where="post",
@@ -153,7 +151,7 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
                     arrowprops=arrow,
                 )
         ax.legend(
-            loc="center right",
+            loc="best",
             framealpha=0.8,
             edgecolor="none",
         )

@@ -166,10 +166,26 @@ def wrapped(
     size: float,
     weight: str = "normal",
 ) -> str:
-    """Return a text broken into lines of about `width` inches at a font size in points."""
-    return textwrap.fill(
-        text, max(int(72 * width / (LETTER[weight] * size)), 4), break_on_hyphens=False
-    )
+    """Return a text broken into lines of about `width` inches at a font size in points.
+
+    No word is broken; a path or a name that is longer than a line is, after a point or an
+    underscore.
+    """
+    letters = max(int(72 * width / (LETTER[weight] * size)), 4)
+    lines = list[str]()
+    for line in textwrap.wrap(text, letters, break_on_hyphens=False, break_long_words=False):
+        lines += _divided(line, letters)
+    return "\n".join(lines)
+
+
+def _divided(line: str, letters: int) -> list[str]:
+    """Return a line, where it is too long in several, each ending at a joint of its name."""
+    found = [""]
+    for part in re.split(r"(?<=[._])", line) if len(line) > letters else [line]:
+        if found[-1] and len(found[-1]) + len(part) > letters:
+            found.append("")
+        found[-1] += part
+    return found
 
 
 def _width(

@@ -39,15 +39,19 @@ def _closed():
 
 def test_a_design_is_headed_by_its_numbers_and_each_panel_says_what_it_shows():
     figure = design_figure(recorded())
-    assert "reach: 412.0 ± 1.2 um, finite elements; mass: 0.0893 kg, exact; not every" in words(
-        figure.texts[1]
-    )
+    assert (
+        "reach: 412.0 ± 1.2 um, checked by finite elements, difference -4.8 % from the analytic "
+        "model; mass: 0.0893 kg, exact; not every"
+    ) in words(figure.texts[1])
     assert words(figure.texts[-1]) == "assumed dimensions"
     assert "; every requirement is met." in words(design_figure(recorded(feasible=True)).texts[1])
     drawn, margins, history, front = figure.axes
     assert [each[:2] for each in axes_of(figure)] == [
         ("x (mm)", "y (mm)"),
-        ("margin to limit (%); bars: uncertainty\nhollow: not checked by finite elements", ""),
+        (
+            "margin to limit (%); bars: uncertainty\nhollow: analytic model, not checked by finite elements",
+            "",
+        ),
         ("evaluations of the analytic model", "reach (um)"),
         ("reach (um), larger is better", "mass (kg), smaller is better"),
     ]
