@@ -463,9 +463,9 @@ def _size_of_page(layout: Layout, labels: int | None) -> tuple[float, float]:
 def load_figure(found: Result) -> Figure:
     """Draw a mechanism displaced by a load on its output, coloured by von Mises stress."""
     assert isinstance(found.fields, MeshFields)
-    load = _load_text(found)
+    load = "; ".join([f"on the output {_load_text(found)}", *_loads_at_points(found)])
     highest = _highest_stress(found)
-    lines = [f"Load on the output {load}: {highest}. Displacements"]
+    lines = [f"Load {load}: {highest}. Displacements"]
     title = f"{found.about.name}: stress under a load"
     fields = {"": plane_fields(found.fields)}
     return displaced(title, lines, fields, 1, found.about, WIDTH - 0.3).figure
@@ -473,7 +473,23 @@ def load_figure(found: Result) -> Figure:
 
 def _load_text(found: Result) -> str:
     """Return the components of the load, with zeros in place of round-off and of less than bands."""
-    cells = found.visible_texts("force", VISIBLE_BAND, model=found.axes["model"][-1])
+    return _components(found.visible_texts("force", VISIBLE_BAND, model=found.axes["model"][-1]))
+
+
+def _loads_at_points(found: Result) -> list[str]:
+    """Return the loads at points other than zero, with the names of these."""
+    if "point_load" not in found.values:
+        return []
+    loads = {name: found.texts("point_load", point=name) for name in found.axes["point"]}
+    return [
+        f"at {name} {_components(cells)}"
+        for name, cells in loads.items()
+        if np.any(found.at("point_load", point=name))
+    ]
+
+
+def _components(cells: Sequence[str]) -> str:
+    """Return the components of a load that are not zero."""
     named = zip(NAMES.values(), cells, strict=True)
     parts = [f"{name} {typeset(cell)}" for name, cell in named if not cell.startswith("0 ")]
     return ", ".join(part.replace(" ", SPACE) for part in parts) or "zero"
