@@ -31,7 +31,7 @@ SINGLE_HEIGHT = 3.2  # in, of one row of curves
 ROW_HEIGHT = 1.75  # in, of effects
 PANEL_WIDTH = 3.2  # in, of the name of a panel
 ROW_WIDTH = 7.2  # in, of the name of a row of effects
-NARROW = 1.45  # in, of the label of an axis of effects
+LABELS_WIDTH = 6.0  # in, of the labels of all factors of effects
 THREE_DECADES = 1e3
 MOST_MARKED = 60  # designs, each of which has a marker on its curve
 ROOM = 0.05  # about a constant number, relative to it
@@ -309,8 +309,9 @@ def plot_effect(
     base = shown.base[0][factor], shown.base[1][number]
     if np.isfinite(base).all() and trend.places[0] <= base[0] <= trend.places[-1]:
         ax.plot(*base, label="base design", **PLUS)
-    _name_narrow(ax.xaxis, x)
-    _name_narrow(ax.yaxis, quantity)
+    width = LABELS_WIDTH / len(shown.factors)
+    _name_narrow(ax.xaxis, x, width)
+    _name_narrow(ax.yaxis, quantity, width)
     ax.set_ylabel("")
     ax.grid()
     return ax
@@ -323,9 +324,13 @@ def _share_y(axes: list[Axes]) -> None:
         ax.set_ylim(float(limits[:, 0].min()), float(limits[:, 1].max()))
 
 
-def _name_narrow(axis: Axis, quantity: records.AxisText) -> None:
+def _name_narrow(
+    axis: Axis,
+    quantity: records.AxisText,
+    width: float,
+) -> None:
     """Set the label and a few ticks of an axis of a narrow panel that holds all its data."""
-    axis.set_label_text(style.wrapped(label_of(quantity), NARROW, 8.5), size=8.5)
+    axis.set_label_text(style.wrapped(label_of(quantity), width, 8.5), size=8.5)
     axis.set_tick_params(labelsize=7.5)
     if quantity.log:
         set_few_ticks(axis)

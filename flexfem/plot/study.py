@@ -248,7 +248,7 @@ def _draw_grid(
             "linewidth": 0.0,
             "hatch": hatch,
         }
-        axes.add_collection(PolyCollection(boxes, **look, zorder=1.5), autolim=False)
+        axes.add_collection(PolyCollection([*boxes], **look, zorder=1.5), autolim=False)
         entries.append(Patch(**look, label=f"{reason}: {thousands(int(mask.sum()))}"))
     if min(values.shape) > 1 and masked.count() > 3:
         down, across = (slice(None, None, -(-count // CONTOURED)) for count in masked.shape)
