@@ -59,6 +59,9 @@ QUESTIONS: dict[str, Callable[..., Any]] = {
     "gravity": gravity,
 }
 SOLVED_BOTH = ("drive", "reach")  # questions without finite elements alone
+# modes of a whole plate in three dimensions, of which the first ones may leave the plane
+MODES_OF_WHOLE = 6
+IN_PLANE = "in the plane"  # end of the labels of its other modes
 MOST_FOLDERS = 8  # in the name of a file
 # short names of the key results; `range.free` is the range with the others free
 MAIN = {
@@ -68,7 +71,7 @@ MAIN = {
         "range.free": "range, others free",
     },
     "modes": {
-        "frequency": "first frequency",
+        "frequency.1": "first frequency",
         "first_out_of_plane": "first out of plane",
     },
     "drive": {
@@ -86,7 +89,9 @@ EXPLAINED = {  # by a short name that is shown
         "parasitic motion: of the output across a push along x or y, per motion along it, the other "
         "directions free; the direction is that of the drive, or the softest, of the first mechanism"
     ),
-    "first out of plane": "first out of plane: first natural frequency out of the plane",
+    "first out of plane": (
+        "first frequency: of the natural modes in the plane; first out of plane: of the others"
+    ),
 }
 BEAMS = "rigid bodies, hinges as beams"  # the analytic model of which answers state nothing else
 BY_NUMBER = "modes are compared by their number; modes of one number may have different shapes"
@@ -353,7 +358,8 @@ def _answers(
             if name in SOLVED_BOTH and options["models"] == "elements":
                 options["models"] = "both"
             if name == "modes" and question == "summary":
-                options["count"] = 1
+                is_whole = options["solid"] or not each.layout.joints
+                options["count"] = MODES_OF_WHOLE if is_whole else 1
             answers[name] = _asked(name, each, options)
         found.append(answers)
         if progress is not None:
@@ -410,6 +416,15 @@ def _names(subjects: Sequence[Labelled], notes: list[str]) -> list[Names]:
     return found
 
 
+def _add_first_mode(names: Sequence[Names], answers: Sequence[Answers]) -> list[Names]:
+    """Return names of parts, and of the first mode in the plane, which is then mode 1 in all."""
+    found = list[Names]()
+    for each, own in zip(names, answers, strict=True):
+        modes_in_plane = [name for name in own["modes"].axes["mode"] if name.endswith(IN_PLANE)]
+        found.append({**each, "mode": dict.fromkeys(modes_in_plane[:1], "1")})
+    return found
+
+
 def _parts_of(layout: Layout) -> dict[str, list[str]]:
     return {
         "actuator": [actuator.name for actuator in layout.actuators],
@@ -428,6 +443,7 @@ def _numbers(
     """Return the compared numbers; those of a summary with mass and parasitic motion."""
     if question != "summary":
         return compared_numbers(answers, names, {}, every_model)
+    names = _add_first_mode(names, answers)
     main = dict(MAIN)
     if not all("range" in each["stiffness"].values for each in answers):
         main["stiffness"] = MAIN["stiffness"] | LINEAR
