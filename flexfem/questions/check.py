@@ -278,7 +278,7 @@ def _profile(
         neck_mm=rounded(profile.neck),
         other=", ".join(_other_dimensions(profile)),
         centre_mm=placed(joint.place),
-        direction_deg=rounded(np.rad2deg(joint.heading) % 360.0),
+        direction_deg=rounded(np.rad2deg(joint.heading) % 360.0) % 360.0,  # not 360 by round-off
     )
 
 
