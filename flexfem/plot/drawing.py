@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.patches import FancyArrowPatch, Polygon
+from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 from flexfem.arrays import Array
@@ -77,6 +78,7 @@ def frame_cross(
     """Draw the x and y axes of the platform or output at a point; return their lines and names."""
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center"}
     look |= {"color": NOTE_COLOUR, "size": 9.0, "zorder": 8}
+    look["path_effects"] = [withStroke(linewidth=2.0, foreground="white")]
     directions = {"x": (1, (0.0, -9.0)), "y": (1j, (-9.0, 0.0))}
     drawn = list[Any]()
     for name, (direction, offset) in directions.items():

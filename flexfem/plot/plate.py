@@ -256,8 +256,10 @@ def _names(layout: Layout, recognised: Recognised | None = None) -> Iterator[Par
         yield _label(f"payload {1e6 * payload.mass:.6g} g", xy(payload.contact.point), MASS)
     for number, body in enumerate(layout.bodies):
         polygon = body_polygon(layout, number, refuse=False)
-        inside = shapely.get_coordinates(shapely.point_on_surface(polygon))[0]
-        yield _label(_named(body), inside, BODY_NAME, polygon)
+        middle = polygon.centroid
+        if not polygon.contains(middle):
+            middle = shapely.point_on_surface(polygon)
+        yield _label(_named(body), (middle.x, middle.y), BODY_NAME, polygon)
 
 
 def _label(
