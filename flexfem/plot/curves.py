@@ -32,6 +32,7 @@ ROW_HEIGHT = 1.75  # in, of effects
 PANEL_WIDTH = 3.2  # in, of the name of a panel
 ROW_WIDTH = 7.2  # in, of the name of a row of effects
 LABELS_WIDTH = 6.0  # in, of the labels of all factors of effects
+DECADE = 10.0
 THREE_DECADES = 1e3
 MOST_MARKED = 60  # designs, each of which has a marker on its curve
 ROOM = 0.05  # about a constant number, relative to it
@@ -343,7 +344,8 @@ def set_few_ticks(axis: Axis) -> None:
     """Set a few ticks of a logarithmic axis that holds all its data."""
     low, high = axis.get_view_interval()
     if high > 3 * low:
-        subs = (1.0, 2.0, 5.0) if high < THREE_DECADES * low else (1.0,)
+        subs: tuple[float, ...] = (1.0, 2.0, 5.0) if high < THREE_DECADES * low else (1.0,)
+        subs = (1.0, 2.0, 3.0, 5.0) if high < DECADE * low else subs
         axis.set_major_locator(LogLocator(subs=subs))
     else:
         axis.set_major_locator(MaxNLocator(4))
