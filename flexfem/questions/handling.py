@@ -18,12 +18,12 @@ from flexfem.mechanism.layout import Joint, Layout, Patch, Port
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon
 from flexfem.mechanism.profile import Profile
-from flexfem.mechanism.profile_beam import SIDES
+from flexfem.mechanism.profile_beam import MIDPLANE_SHEAR, SIDES
 from flexfem.questions.stiffness import Stiffness, stiffness
 from flexfem.units import DIRECTIONS
 
 MODES = 3  # that are drawn
-SECTIONS = 24  # of a hinge at which its stress is computed
+SECTIONS = 32  # of a hinge at which its stress is computed, half of all
 PIECES = 9  # points between two breaks of the edge of a hinge where it is drawn
 DIGITS = 6  # significant digits of numbers, and
 DECIMALS = 3  # decimals of coordinates, mm, in pages
@@ -35,6 +35,7 @@ class HandledHinge(NamedTuple):
     bodies : indices of `Handled.bodies`, -1 for the ground.   place : x, y, mm.   heading : rad.
     edges : rows x, upper and lower edge, mm, in its frame.   strength : MPa.
     stress : (n, k), MPa per unit load on each port, at both edges of some sections.
+    axis : (2, k), the same on the axis at the neck, by tension and by shear, which add as squares.
     """
 
     name: str
@@ -44,6 +45,7 @@ class HandledHinge(NamedTuple):
     edges: list[list[float]]
     strength: float
     stress: list[list[float]]
+    axis: list[list[float]]
 
 
 class HandledMode(NamedTuple):
@@ -194,6 +196,8 @@ def _hinge(
     half = profile.height(x) / 2
     material = layout.material_of(joint)
     first, second = (number.get(body, -1) for body in joint.bodies)
+    neck = layout.thickness * profile.height(profile.neck_place)
+    on_axis = np.diag([_von_mises(material.out_of_plane), MIDPLANE_SHEAR, 0.0])[:2] / neck
     return HandledHinge(
         name=joint.name,
         bodies=(first, second),
@@ -204,7 +208,13 @@ def _hinge(
         stress=_significant(
             _edge_stress(profile, layout.thickness, material.out_of_plane) @ wrenches
         ),
+        axis=_significant(on_axis @ wrenches),
     )
+
+
+def _von_mises(out_of_plane: float) -> float:
+    """Return the von Mises stress per stress along a hinge."""
+    return float(np.sqrt(1 - out_of_plane + out_of_plane**2))
 
 
 def _edge_stress(
@@ -217,11 +227,12 @@ def _edge_stress(
     With the sign of the stress along the edge, so that it adds; see `Profile.stress`.
     """
     sections = np.unique(profile.sections)
-    chosen = np.unique(np.linspace(0, len(sections) - 1, SECTIONS).round().astype(int))
-    x = np.union1d(sections[chosen], [profile.neck_place])
+    crowded = np.linspace(0, len(sections) - 1, SECTIONS).round().astype(int)  # at breaks
+    even = np.linspace(sections[0], sections[-1], SECTIONS)
+    x = np.union1d(sections[crowded], [*even, profile.neck_place])
     area = thickness * profile.height(x)
     arm = x - profile.neck_place
-    von_mises = np.sqrt(1 - out_of_plane + out_of_plane**2)
+    von_mises = _von_mises(out_of_plane)
     found = list[Array]()
     for side in SIDES:
         K = profile.concentration(x, side)

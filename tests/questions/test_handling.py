@@ -33,6 +33,19 @@ def test_compliance_stress_and_frequency_are_those_of_the_questions():
     assert found.modes[0].frequency == pytest.approx(modes.values["frequency"][0, 0], rel=SAME)
 
 
+@pytest.mark.parametrize("load", [(670.4, -19.29, 0.0), (-4.779, 19.59, 0.0), (0.0, 0.0, 900.0)])
+def test_the_stress_of_short_hinges_is_that_of_the_question_under_any_load(load):
+    """In the lever's pivot shear on the axis governs, which no edge shows."""
+    mechanism = flexfem.load("geometry/lever-amplifier.toml")
+    at_rest = flexfem.stiffness(mechanism, models="analytic", no_limits=True, force=load)
+    stated = at_rest.internal.values["hinge_stress"][0]
+    loads = np.array([*load, 0.0])
+    for hinge, stress in zip(handled(mechanism).hinges, stated, strict=True):
+        edges = np.abs(np.array(hinge.stress) @ loads).max()
+        on_axis = np.hypot(*(np.array(hinge.axis) @ loads))
+        assert max(edges, on_axis) == pytest.approx(stress, rel=0.01)
+
+
 def test_the_output_moves_with_its_body(both):
     _, found = both
     x, y = found.output

@@ -73,7 +73,10 @@ class Handle {
   twists(loads = this.loads) { return this.data.twists.map((body) => Handle.times(body, loads)); }
 
   stresses(loads = this.loads) {
-    return this.data.hinges.map((hinge) => Math.max(...Handle.times(hinge.stress, loads).map(Math.abs)));
+    return this.data.hinges.map((hinge) => {
+      const onAxis = Math.hypot(...Handle.times(hinge.axis, loads));
+      return Math.max(onAxis, ...Handle.times(hinge.stress, loads).map(Math.abs));
+    });
   }
 
   use(loads) { // highest stress per yield strength
@@ -301,10 +304,11 @@ class Handle {
     const first = shares.indexOf(Math.max(...shares));
     const small = (value, scale) => (Math.abs(value) < Handle.ROUND_OFF * scale ? 0 : value);
     const size = Math.max(...motions.slice(0, 2).map(Math.abs), 1e-12);
+    const turn = Math.max(Math.abs(motions[2]), size / Math.max(this.data.box[2], this.data.box[3]));
     const force = Math.max(...this.loads.map(Math.abs), 1e-12);
     const parts = [
       `output x ${Handle.length(small(motions[0], size))}, y ${Handle.length(small(motions[1], size))}, `
-        + `theta ${Handle.number(1e3 * motions[2])} mrad`,
+        + `theta ${Handle.number(1e3 * small(motions[2], turn))} mrad`,
       `force x ${Handle.number(small(this.loads[0], force))} N, y ${Handle.number(small(this.loads[1], force))} N`,
       `highest hinge stress ${Handle.number(stresses[first])} MPa in ${this.data.hinges[first].name}, `
         + `${Math.round(100 * shares[first])} % of its yield strength`,
