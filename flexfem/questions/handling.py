@@ -196,7 +196,7 @@ def _hinge(
     half = profile.height(x) / 2
     material = layout.material_of(joint)
     first, second = (number.get(body, -1) for body in joint.bodies)
-    neck = layout.thickness * profile.height(profile.neck_place)
+    neck = layout.thickness * profile.neck
     on_axis = np.diag([_von_mises(material.out_of_plane), MIDPLANE_SHEAR, 0.0])[:2] / neck
     return HandledHinge(
         name=joint.name,
