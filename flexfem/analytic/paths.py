@@ -25,7 +25,16 @@ from flexfem.refused import ComputationFailed
 
 STEPS = 6  # from rest to the displacement at which linear theory yields
 GROWTH = 1.25  # of the steps beyond it
-MOST_STEPS = 40
+REGROWTH = 2.0  # of a step after one that had to be smaller than usual
+MOST_STEPS = 400
+FARTHEST = (
+    1000.0  # of the displacement at which linear theory yields, beyond which none is looked for
+)
+# relative change of the least eigenvalue in one step, and its least value, of that at rest, to which
+# it is relative: where parts buckle another path is near, to which a larger step can lead
+MOST_CHANGE = 0.3
+LEAST_EIGENVALUE = 0.1
+MOST_OFF = 1.0  # distance of the unknowns from the tangent of the path, over the step along it
 SMALLEST_STEP = 1e-4  # of the displacement reached, beyond which no equilibrium is found
 SMALL_STEP = 1e-4  # of the displacement at which linear theory yields, for slopes at rest
 FINEST = 1e-7  # of the margin at the end of a path, and relative error of its displacement
@@ -76,6 +85,7 @@ class PathEnd(NamedTuple):
     linear : (2,), force and highest stress per displacement at rest.
     parts : what touches or drives, and where; empty for the other kinds.
     touching : numbers of the two parts.
+    softest, softest_at : least eigenvalue on the path over that at rest, and its displacement.
     """
 
     displacement: float
@@ -86,6 +96,8 @@ class PathEnd(NamedTuple):
     linear: Array
     parts: str = ""
     touching: tuple[int, int] | None = None
+    softest: float = 1.0
+    softest_at: float = 0.0
 
 
 class PathLimits(NamedTuple):
@@ -207,6 +219,13 @@ class DrivenPlate(FinitePlate):
         forces[held] = found[self.size :]
         return self.described(found[: self.size], forces, held)
 
+    def tangent(self, at: PathPoint, ports: Sequence[int]) -> Array:
+        """Return the changes of the unknowns (size,) per motion of the first of several ports."""
+        state = self.state(at.unknowns, at.forces)
+        first = np.eye(len(ports))[0]
+        found = self._step(state._replace(left=np.zeros(self.size)), state.P[:, list(ports)], first)
+        return found[: self.size]
+
     def described(
         self,
         q: Array,
@@ -323,9 +342,10 @@ class DrivenPlate(FinitePlate):
         body_stress : as of `PathLimits`.
         """
         path = _Path(self, [port, *held])
-        limits = PathLimits(path.last.at, port, body_stress)
-        step = scale / STEPS
+        limits = PathLimits(path.rest, port, body_stress)
         linear = self.slopes(port, held, scale)
+        usual = scale / STEPS
+        step = usual
         for _ in range(MOST_STEPS):
             before = path.last.x
             following, touching = path.before_contact(before + step)
@@ -337,10 +357,13 @@ class DrivenPlate(FinitePlate):
             limits = limits._replace(contact=touching)
             if self.least_margin(following.at, limits).value <= 0:
                 return path.limit_before(following, limits, linear)
-            step = following.x - before
-            if abs(following.x) > abs(scale):
-                step *= GROWTH
             path.extend(following)
+            if abs(following.x) > FARTHEST * abs(scale):
+                break
+            if abs(following.x) > abs(scale):
+                usual *= GROWTH
+            regrown = REGROWTH * (following.x - before)
+            step = min(usual, regrown, key=abs)
         return path.ended(path.last, NO_LIMIT, linear)
 
     def slopes(
@@ -370,12 +393,15 @@ class DrivenPlate(FinitePlate):
             after = done + share
             if after > 1 - SMALLEST_STEP * share:  # also by round-off of the sum
                 after = 1.0
-            found = path.continued(after * x)
+            found = path.followed(after * x)
             if found is None:
                 share /= 4
+                if share < SMALLEST_STEP * after:
+                    return None
                 continue
             if after == 1.0:
                 return found
+            share = min(1 / STEPS, REGROWTH * (after - done))
             done = after
             path.extend(Placed(done * x, found))
         return None
@@ -429,10 +455,14 @@ class _Bracket(NamedTuple):
         x: float,
         margin: float,
     ) -> _Bracket:
-        """Return the part of the bracket with a change of sign, from the margin at x."""
+        """Return the part of the bracket with a change of sign, from the margin at x.
+
+        The least eigenvalue has a pole where the inside of a hinge is singular: a margin far below
+        zero counts as twice that on the other side.
+        """
         if margin > 0:
             return _Bracket(x, self.high, margin, self.above / 2)
-        return _Bracket(self.low, x, self.below / 2, margin)
+        return _Bracket(self.low, x, self.below / 2, max(margin, -2 * self.below))
 
 
 class _Path:
@@ -448,7 +478,9 @@ class _Path:
     ) -> None:
         self.plate = plate
         self.ports = list(ports)
-        self.placed = [Placed(0.0, plate.described(*plate.rest, self.ports))]
+        self.rest = plate.described(*plate.rest, self.ports)
+        self.placed = [Placed(0.0, self.rest)]
+        self.softest = self.placed[0]
 
     @property
     def last(self) -> Placed:
@@ -457,6 +489,8 @@ class _Path:
     def extend(self, following: Placed) -> None:
         """Add an equilibrium beyond the last one."""
         self.placed = [*self.placed[-2:], following]
+        if following.at.softest < self.softest.at.softest:
+            self.softest = following
 
     def continued(self, x: float) -> PathPoint | None:
         """Return the equilibrium at a displacement x, from the polynomial through others.
@@ -472,12 +506,27 @@ class _Path:
         f = np.tensordot(weights, [one.at.forces for one in self.placed], axes=1)
         return self.plate.driven(q, f, self.ports, np.eye(len(self.ports))[0] * x)
 
+    def followed(self, x: float) -> PathPoint | None:
+        """Return the equilibrium at a displacement x, None if there is none or it may be on another
+        path: the step is too large then.
+        """
+        at = self.continued(x)
+        if at is None:
+            return None
+        before = self.last.at
+        largest = MOST_CHANGE * max(before.softest, LEAST_EIGENVALUE * self.rest.softest)
+        if abs(at.softest - before.softest) > largest:
+            return None
+        along = self.plate.tangent(before, self.ports) * (x - self.last.x)
+        off = np.linalg.norm(at.unknowns - before.unknowns - along)
+        return at if off <= MOST_OFF * np.linalg.norm(along) else None
+
     def before_contact(self, x: float) -> tuple[Placed | None, bool]:
         """Return the equilibrium at a displacement x, or at a smaller one where parts touch.
 
         The second value states whether parts touch.
         """
-        at = self.continued(x)
+        at = self.followed(x)
         if at is None:
             return None, False
         last = self.last
@@ -511,8 +560,9 @@ class _Path:
                 found = inside.last  # two points at one place have no polynomial through them
                 break
             at = inside.continued(x)
-            if at is None:
-                break
+            if at is None:  # next to a bifurcation, where the tangent is singular
+                bracket = bracket._replace(high=x)
+                continue
             change = abs(x - found.x)
             found = Placed(x, at)
             margin = plate.least_margin(at, limits).value
@@ -550,7 +600,16 @@ class _Path:
             place, before = earlier[-1]
             changes = [at.forces[port] / before.forces[port], at.stress.max() / before.stress.max()]
             exponents = np.log(np.abs(changes)) / np.log(x / place)
-        return PathEnd(x, float(at.forces[port]), kind, at, exponents, linear)
+        return PathEnd(
+            x,
+            float(at.forces[port]),
+            kind,
+            at,
+            exponents,
+            linear,
+            softest=self.softest.at.softest / self.rest.softest,
+            softest_at=self.softest.x,
+        )
 
 
 def drive_at_stroke(layout: Layout, motions: Array) -> str:

@@ -72,6 +72,9 @@ OF_THE_STEP = 0.1
 # of the displacement at which parts touch: there finite elements still have a gap
 BEFORE_CONTACT = 0.97
 LEAST_POWER = 0.5  # of the displacement, of the stress in bodies where the force no longer grows
+# least eigenvalue of the stiffness on the way, over that at rest, below which it is told: there parts
+# bow, and the output moves on under a force that hardly grows
+NEARLY_BUCKLING = 0.5
 LIMITS = (YIELD, BODY_YIELD, BUCKLING, CONTACT, STROKE, NO_LIMIT, UNKNOWN)
 
 RANGE_LABELS = {
@@ -114,6 +117,8 @@ class RangeEnd(NamedTuple):
 
     hinge, body : numbers of the hinge and of the moving body with the highest stress.
     linear : whether the numbers are those of linear theory.   parts : what touches or drives.
+    softest, softest_at : by beams, the least eigenvalue of the stiffness on the way over that at
+        rest, and its displacement.
     """
 
     displacement: float
@@ -126,6 +131,8 @@ class RangeEnd(NamedTuple):
     linear: bool = False
     parts: str = ""
     body: int = 0
+    softest: float = 1.0
+    softest_at: float = 0.0
 
     @property
     def governing(self) -> Array:
@@ -278,6 +285,7 @@ def _end(
         made = _checked(models, by_beams)
     except ComputationFailed:
         made = _without_numbers(UNKNOWN, by_beams.end)
+    made = made._replace(softest=by_beams.end.softest, softest_at=by_beams.end.softest_at)
     known.append((by_beams, made))
     return made
 
@@ -285,6 +293,7 @@ def _end(
 def described(layout: Layout, found: Ranges) -> list[str]:
     """Return sentences that name the limit of every range."""
     by_limit = dict[str, list[str]]()
+    nearly_buckling = list[str]()
     for (which, sense, axis), end in sorted(found.ends.items(), reverse=True):
         name = layout.joints[end.hinge].name
         by_linear = ", by linear theory, which holds to its band" * end.linear
@@ -300,10 +309,16 @@ def described(layout: Layout, found: Ranges) -> list[str]:
                 f"at {name!r}"
             ),
         }[end.kind]
-        by_limit.setdefault(limit, []).append(
-            f"{'+-'[sense]}{DIRECTIONS[axis]} (others {('held', 'free')[which]})"
-        )
-    return [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
+        place = f"{'+-'[sense]}{DIRECTIONS[axis]} (others {('held', 'free')[which]})"
+        by_limit.setdefault(limit, []).append(place)
+        if end.softest < NEARLY_BUCKLING and end.kind in (YIELD, BODY_YIELD, CONTACT, STROKE):
+            nearly_buckling.append(
+                f"on the way along {place} parts nearly buckle, at about "
+                f"{abs(end.softest_at / end.displacement):.0%} of the range: the least stiffness of "
+                f"the free motions falls to {end.softest:.0%} of that at rest, by beams"
+            )
+    limits = [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
+    return [*limits, *nearly_buckling]
 
 
 def _body_name(layout: Layout, number: int) -> str:

@@ -139,6 +139,23 @@ def test_a_pushed_leaf_ends_at_eulers_load(held, factor):
     assert end.force == pytest.approx(factor * np.pi**2 * EI / L**2, rel=3 * SHEAR)
 
 
+@pytest.mark.parametrize("held", [[], [0, 1]])
+def test_the_end_of_a_turn_that_buckles_a_leaf_on_the_way_is_one_for_all_steps(held):
+    """The leaf that is pushed bows near `4 pi^2 E I / L^2`, and the other path of equilibria, on
+    which it stays straight, is close by: a step too far leads to it.
+    """
+    mechanism = flexfem.load(ROOT / "geometry/parallelogram.toml")
+    plate = DrivenPlate(mechanism.layout)
+    steps = [0.0131, 0.0147, 0.0158, 0.0169, 0.0194]  # rad; linear theory yields at 0.0158
+    ends = [plate.end(2, held, scale) for scale in steps]
+    assert {end.kind for end in ends} == {YIELD}
+    assert [end.displacement for end in ends] == pytest.approx([ends[0].displacement] * 5, rel=1e-5)
+    assert ends[0].softest < 0.3
+    if not held:  # the moment is that of a bowed leaf, 40 mm from the other
+        euler = 4 * np.pi**2 * 71.7e3 * 10.0 * 0.5**3 / 12 / 50.0**2
+        assert ends[0].at.forces[2] / 40.0 == pytest.approx(euler, rel=0.05)
+
+
 def test_a_moment_at_the_end_of_a_leaf_yields_it_on_an_arc():
     """With the others free a pure moment bends a leaf to a circle: `M = E I theta / L`, `sigma = E
     T theta / 2 L`.
