@@ -158,6 +158,9 @@ def test_a_table_prints_the_number_of_the_attribute_in_its_unit_or_with_a_prefix
         number, _, unit = text.partition(" ")
         declared = np.ravel(alone.unit(name, **at))[0]
         size = 1.0
+        if quantity.largest == ("limit",) and not declared:
+            assert text in found.axes["limit"]  # which limit governs; the number is always 1
+            continue
         if quantity.prefixed:
             size = PREFIXES["rad" if declared.endswith("rad") else "m"][unit]
         else:

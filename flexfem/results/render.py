@@ -410,7 +410,7 @@ def _has_others(one: Quantity) -> bool:
 
 def _is_named(one: Quantity) -> bool:
     """Whether tables show words in place of the numbers of a quantity, and no note on these."""
-    return one.largest == ("limit",)
+    return one.largest == ("limit",) and one.unit == ""
 
 
 def left_out(result: Declared) -> list[str]:

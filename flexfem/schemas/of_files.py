@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import ast
 import inspect
+from collections.abc import Sequence
 from itertools import pairwise
 from textwrap import dedent
 from typing import Any
 
+from pydantic import AliasChoices
 from pydantic.json_schema import GenerateJsonSchema
 
 from flexfem.files.quantities import UNIT
@@ -93,7 +95,18 @@ class _Described(GenerateJsonSchema):
             key = field.alias or name
             if name in texts and key in found["properties"]:
                 found["properties"][key]["description"] = texts[name]
+            if isinstance(field.validation_alias, AliasChoices):
+                _allow_each(found, [str(choice) for choice in field.validation_alias.choices])
         return found
+
+
+def _allow_each(schema: dict[str, Any], keys: Sequence[str]) -> None:
+    """Let the schema of a table have one of several keys for the first of them."""
+    first, *others = keys
+    for key in others:
+        schema["properties"][key] = dict(schema["properties"][first])
+    schema["required"].remove(first)
+    schema.setdefault("allOf", []).append({"oneOf": [{"required": [key]} for key in keys]})
 
 
 def _attribute_texts(model: Any) -> dict[str, str]:

@@ -42,8 +42,9 @@ def content_of(name):
     content = copy.deepcopy(shipped(name))
     content.pop("provenance", None)
     for table in (content, *content.get("curve", [])):
-        if isinstance(table.get("stage"), str):
-            table["stage"] = str((ROOT / "cases" / table["stage"]).resolve())
+        for key in ("stage", "mechanism"):
+            if isinstance(table.get(key), str):
+                table[key] = str((ROOT / "cases" / table[key]).resolve())
     return content
 
 
