@@ -32,7 +32,7 @@ from flexfem.analytic.paths import (
 from flexfem.analytic.plates import hinge_compliances
 from flexfem.arrays import Array
 from flexfem.fem.body_stress import moving_bodies
-from flexfem.fem.nonlinear import driven, gap_of_parts, stress_in_parts
+from flexfem.fem.nonlinear import Equilibria, driven, gap_of_parts, stress_in_parts
 from flexfem.fem.ports import PlateModel
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -72,9 +72,17 @@ OF_THE_STEP = 0.1
 # of the displacement at which parts touch: there finite elements still have a gap
 BEFORE_CONTACT = 0.97
 LEAST_POWER = 0.5  # of the displacement, of the stress in bodies where the force no longer grows
-# least eigenvalue of the stiffness on the way, over that at rest, below which it is told: there parts
-# bow, and the output moves on under a force that hardly grows
-NEARLY_BUCKLING = 0.5
+# least eigenvalue of the stiffness on the way, over that at rest, below which parts nearly buckle: of
+# all paths, and of those on which the force falls far below that of linear theory
+NEARLY_BUCKLING = 0.3
+BOWING = 0.95
+# steps of finite elements up to where beams nearly buckle, in a first and a second trial; the multiple
+# of this displacement up to which they stay, since elastic bodies shift it; the growth of later ones
+STEPS_TO_BUCKLING = (4, 12)
+FINE_STEPS = 2.0
+LATER_STEPS = 1.5
+# of forces of finite elements and beams on one path; on the unstable one they are ten times as large
+SAME_PATH = 1.5
 LIMITS = (YIELD, BODY_YIELD, BUCKLING, CONTACT, STROKE, NO_LIMIT, UNKNOWN)
 
 RANGE_LABELS = {
@@ -117,8 +125,8 @@ class RangeEnd(NamedTuple):
 
     hinge, body : numbers of the hinge and of the moving body with the highest stress.
     linear : whether the numbers are those of linear theory.   parts : what touches or drives.
-    softest, softest_at : by beams, the least eigenvalue of the stiffness on the way over that at
-        rest, and its displacement.
+    bows_at : displacement at which parts nearly buckle on the way, by beams, 0 if none do.
+    softened : force at the end over that of linear theory, by beams.
     """
 
     displacement: float
@@ -131,8 +139,8 @@ class RangeEnd(NamedTuple):
     linear: bool = False
     parts: str = ""
     body: int = 0
-    softest: float = 1.0
-    softest_at: float = 0.0
+    bows_at: float = 0.0
+    softened: float = 1.0
 
     @property
     def governing(self) -> Array:
@@ -285,7 +293,8 @@ def _end(
         made = _checked(models, by_beams)
     except ComputationFailed:
         made = _without_numbers(UNKNOWN, by_beams.end)
-    made = made._replace(softest=by_beams.end.softest, softest_at=by_beams.end.softest_at)
+    if _bows(by_beams.end):
+        made = made._replace(bows_at=by_beams.end.softest_at, softened=_softened(by_beams.end))
     known.append((by_beams, made))
     return made
 
@@ -311,11 +320,11 @@ def described(layout: Layout, found: Ranges) -> list[str]:
         }[end.kind]
         place = f"{'+-'[sense]}{DIRECTIONS[axis]} (others {('held', 'free')[which]})"
         by_limit.setdefault(limit, []).append(place)
-        if end.softest < NEARLY_BUCKLING and end.kind in (YIELD, BODY_YIELD, CONTACT, STROKE):
+        if end.bows_at and np.isfinite(end.displacement):
             nearly_buckling.append(
-                f"on the way along {place} parts nearly buckle, at about "
-                f"{abs(end.softest_at / end.displacement):.0%} of the range: the least stiffness of "
-                f"the free motions falls to {end.softest:.0%} of that at rest, by beams"
+                f"parts nearly buckle on the way along {place}, at about "
+                f"{abs(end.bows_at / end.displacement):.0%} of the range; the force at its end is "
+                f"{end.softened:.0%} of that of linear theory, by beams"
             )
     limits = [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
     return [*limits, *nearly_buckling]
@@ -653,18 +662,78 @@ def _finite(
     port, held, end, _ = by_beams
     level = levels(mesh.resolution)[0]
     model = model_of(models.mechanism, level)
-    at = driven(model, [port, *held], np.array([[x, *np.zeros(len(held))]]))
-    peaks, bodies = _compared_stress(model, at.fields[0])
-    highest = np.array([peaks.max(), np.max(bodies, initial=0.0)]) / abs(x)
-    values = np.array([at.load[0, port] / x, *highest])
     response = responses(models.mechanism, solved(models.mechanism, level))
     slopes = slopes_of(model.layout, response, port, held)
+    at = _on_the_path_of_beams(models, model, by_beams, (x, slopes[0]))
+    field = at.fields[-1]
+    peaks, bodies = _compared_stress(model, field)
+    highest = np.array([peaks.max(), np.max(bodies, initial=0.0)]) / abs(x)
+    values = np.array([at.load[-1, port] / x, *highest])
     contact = np.nan
     if end.kind == CONTACT:
-        contact = _contact(model, models.beams, by_beams, (x, at.fields[0]))
+        contact = _contact(model, models.beams, by_beams, (x, field))
     ratios = values / np.where(slopes, slopes, 1.0)
-    found = _Finite(ratios, np.zeros(3), peaks, bodies, at.pose[0], contact)
+    found = _Finite(ratios, np.zeros(3), peaks, bodies, at.pose[-1], contact)
     return found if models.beams is models.plane else _thickened(found, models, by_beams, x)
+
+
+def _softened(end: PathEnd) -> float:
+    """Return the force at an end over that of linear theory."""
+    return float(end.force / (end.displacement * end.linear[0]))
+
+
+def _bows(end: PathEnd) -> bool:
+    """Whether parts nearly buckle on the path to an end, and bow beyond: another path is near."""
+    weaker = end.softest < BOWING and _softened(end) < 1 / SAME_PATH
+    return end.kind != BUCKLING and (end.softest < NEARLY_BUCKLING or weaker)
+
+
+def _on_the_path_of_beams(
+    models: _Models,
+    model: PlateModel,
+    by_beams: _ByBeams,
+    goal: tuple[float, float],
+) -> Equilibria:
+    """Return equilibria of finite elements along the path of beams.
+
+    goal : displacement of the last one, and force per displacement at rest by finite elements.
+
+    Past the place where parts nearly buckle, a step too large leads to the path on which they stay
+    straight, which is unstable: there finite elements follow in steps.
+
+    Raises ComputationFailed where they are on another path even with the smallest steps.
+    """
+    port, held, end, _ = by_beams
+    x, slope = goal
+    expected = _ratios(models.plane, by_beams, x).ratios[0]
+    for steps in STEPS_TO_BUCKLING if _bows(end) else (0,):
+        targets = _targets(end, x, steps)
+        motions = np.zeros((len(targets), 1 + len(held)))
+        motions[:, 0] = targets
+        at = driven(model, [port, *held], motions)
+        ratio = at.load[-1, port] / x / slope
+        if expected / SAME_PATH < ratio < expected * SAME_PATH:
+            return at
+    raise ComputationFailed("finite elements and beams are on different paths of equilibria")
+
+
+def _targets(
+    end: PathEnd,
+    x: float,
+    steps: int,
+) -> list[float]:
+    """Return displacements up to x, with a number of steps to where beams nearly buckle."""
+    if steps == 0:
+        return [x]
+    step = end.softest_at / steps
+    targets = list[float]()
+    at = step
+    while abs(at) < abs(x):
+        targets.append(at)
+        at += step
+        if abs(at) > FINE_STEPS * abs(end.softest_at):
+            step *= LATER_STEPS
+    return [*targets, x]
 
 
 def _compared_stress(model: PlateModel, field: Array) -> tuple[Array, Array]:
