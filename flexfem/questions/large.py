@@ -33,6 +33,9 @@ UNSTABLE = "an equilibrium is not stable under dead loads"
 SHARES = (0.25, 0.5, 0.75, 1.0)  # of the load, or of the displacement
 LINEAR = "linear"
 BEAMS = "beams"
+# relative difference of compliances along x and y, up to which x counts as the softest direction: by
+# symmetry they may be equal, and round-off would choose
+EQUALLY_SOFT = 1e-6
 
 
 class Large(Result):
@@ -448,7 +451,8 @@ def _commanded(
     size = length_of(amplitude) if isinstance(amplitude, str) else amplitude
     magnitude = abs(size) if isinstance(size, int | float) else size
     arguments.between("amplitude", magnitude, 1e-6, 1e4, " mm")
-    softest = int(np.argmax(np.diag(compliance)[:2]))
+    along_x, along_y = np.diag(compliance)[:2]
+    softest = 1 if along_y > (1 + EQUALLY_SOFT) * along_x else 0
     return softest if along is None else DIRECTIONS.index(along), float(size)
 
 
