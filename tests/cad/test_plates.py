@@ -162,7 +162,7 @@ def test_a_mesh_holds_bodies_hinges_and_unit_loads(nod, folder):
 @pytest.mark.slow
 def test_drawings_name_the_parts_and_show_the_displacement(nod, folder):
     (ax,) = drawing_figure(nod).axes
-    assert {"base", "head", "neck", "output", "corner", "X", "Y"} < {
+    assert {"base", "head", "neck", "output", "corner", "x", "y"} < {
         text.get_text() for text in ax.texts
     }
     found = api.stiffness(nod, models="elements", force=(1.9, 0.0, 0.0), resolution=4)
