@@ -19,6 +19,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon
 from flexfem.mechanism.profile import Profile
 from flexfem.mechanism.profile_beam import MIDPLANE_SHEAR, SIDES
+from flexfem.questions.ranges import SAME_PATH
 from flexfem.questions.stiffness import Stiffness, stiffness
 from flexfem.units import DIRECTIONS
 
@@ -271,9 +272,14 @@ def _modes(layout: Layout, bodies: int) -> list[HandledMode]:
 
 
 def _ranges(at_rest: Stiffness) -> list[HandledRange]:
-    """Return the ranges with the other directions free, and what limits them."""
+    """Return the ranges with the other directions free, and what limits them.
+
+    The drawing follows linear theory. Where parts nearly buckle on the way, it ends where linear
+    theory has the force of the end of the range.
+    """
     if "range" not in at_rest.values:
         return []
+    values = at_rest.internal.values
     found = list[HandledRange]()
     for direction in DIRECTIONS:
         at = {"others": "free", "direction": direction}
@@ -281,11 +287,17 @@ def _ranges(at_rest: Stiffness) -> list[HandledRange]:
         limits = list[str]()
         for sense in ("negative", "positive"):
             place = at | {"sense": sense}
-            end = float(at_rest.array_of(at_rest.internal.values, "range", place))
-            ends.append(end if np.isfinite(end) else np.inf)
+            end = abs(float(at_rest.array_of(values, "range", place)))
             which = int(np.argmax(np.nan_to_num(at_rest.at("range_limit", **place))))
-            limits.append(at_rest.axes["limit"][which])
-        found.append(HandledRange(-abs(ends[0]), abs(ends[1]), limits[0], limits[1]))
+            limit = at_rest.axes["limit"][which]
+            force = abs(float(at_rest.array_of(values, "range_force", place)))
+            stiffness = float(at_rest.array_of(values, "free", {"direction": direction})[-1])
+            if force / stiffness < end / SAME_PATH:
+                end = force / stiffness
+                limit = "the force at which parts nearly buckle"
+            ends.append(end if np.isfinite(end) else np.inf)
+            limits.append(limit)
+        found.append(HandledRange(-ends[0], ends[1], limits[0], limits[1]))
     return found if np.all(np.isfinite([each[:2] for each in found])) else []
 
 
