@@ -664,7 +664,8 @@ def _finite(
     model = model_of(models.mechanism, level)
     response = responses(models.mechanism, solved(models.mechanism, level))
     slopes = slopes_of(model.layout, response, port, held)
-    at = _on_the_path_of_beams(models, model, by_beams, (x, slopes[0]))
+    plane = _ratios(models.plane, by_beams, x)
+    at = _on_the_path_of_beams(model, by_beams, x, slopes[0] * plane.ratios[0])
     field = at.fields[-1]
     peaks, bodies = _compared_stress(model, field)
     highest = np.array([peaks.max(), np.max(bodies, initial=0.0)]) / abs(x)
@@ -674,7 +675,9 @@ def _finite(
         contact = _contact(model, models.beams, by_beams, (x, field))
     ratios = values / np.where(slopes, slopes, 1.0)
     found = _Finite(ratios, np.zeros(3), peaks, bodies, at.pose[-1], contact)
-    return found if models.beams is models.plane else _thickened(found, models, by_beams, x)
+    if models.beams is models.plane:
+        return found
+    return _thickened(found, plane, _ratios(models.beams, by_beams, x))
 
 
 def _softened(end: PathEnd) -> float:
@@ -689,14 +692,14 @@ def _bows(end: PathEnd) -> bool:
 
 
 def _on_the_path_of_beams(
-    models: _Models,
     model: PlateModel,
     by_beams: _ByBeams,
-    goal: tuple[float, float],
+    x: float,
+    expected: float,
 ) -> Equilibria:
-    """Return equilibria of finite elements along the path of beams.
+    """Return equilibria of finite elements along the path of beams, up to a displacement x.
 
-    goal : displacement of the last one, and force per displacement at rest by finite elements.
+    expected : force per displacement there, by the change of beams.
 
     Past the place where parts nearly buckle, a step too large leads to the path on which they stay
     straight, which is unstable: there finite elements follow in steps.
@@ -704,15 +707,13 @@ def _on_the_path_of_beams(
     Raises ComputationFailed where they are on another path even with the smallest steps.
     """
     port, held, end, _ = by_beams
-    x, slope = goal
-    expected = _ratios(models.plane, by_beams, x).ratios[0]
     for steps in STEPS_TO_BUCKLING if _bows(end) else (0,):
         targets = _targets(end, x, steps)
         motions = np.zeros((len(targets), 1 + len(held)))
         motions[:, 0] = targets
         at = driven(model, [port, *held], motions)
-        ratio = at.load[-1, port] / x / slope
-        if expected / SAME_PATH < ratio < expected * SAME_PATH:
+        ratio = at.load[-1, port] / x / expected
+        if 1 / SAME_PATH < ratio < SAME_PATH:
             return at
     raise ComputationFailed("finite elements and beams are on different paths of equilibria")
 
@@ -744,13 +745,10 @@ def _compared_stress(model: PlateModel, field: Array) -> tuple[Array, Array]:
 
 def _thickened(
     found: _Finite,
-    models: _Models,
-    by_beams: _ByBeams,
-    x: float,
+    plane: _BeamRatios,
+    solid: _BeamRatios,
 ) -> _Finite:
-    """Return finite elements in three dimensions, by the change of beams."""
-    plane = _ratios(models.plane, by_beams, x)
-    solid = _ratios(models.beams, by_beams, x)
+    """Return finite elements in three dimensions, by the change of beams from plane ones."""
     change = (solid.ratios / plane.ratios)[[0, 1, 0]]  # the stress in bodies follows the force
     return found._replace(
         ratios=found.ratios * change,
