@@ -99,7 +99,7 @@ class BodyHole(Table):
     `count`"""
 
     @model_validator(mode="after")
-    def _hasone_form(self) -> BodyHole:
+    def _has_one_form(self) -> BodyHole:
         one_form(self, ("outline",), ("centre", "radius"))
         for name in ("about", "angle"):
             if self.count is None and getattr(self, name) is not None:
@@ -157,7 +157,7 @@ class PlateBody(Table):
     and so on; edge 1 of a bar is its start, edge 2 its end """
 
     @model_validator(mode="after")
-    def _hasone_form(self) -> PlateBody:
+    def _has_one_form(self) -> PlateBody:
         one_form(self, ("outline",), ("path", "width"), ("centre", "radius"))
         for index, corner in enumerate(self.path or ()):
             if any(corner[2:]) and index in (0, len(self.path or ()) - 1):
@@ -315,7 +315,7 @@ class Copies(Table):
     """Instead of `count`: two points x, y of the line about which the parts are mirrored"""
 
     @model_validator(mode="after")
-    def _hasone_form(self) -> Copies:
+    def _has_one_form(self) -> Copies:
         one_form(self, ("count",), ("mirror",))
         for name in ("about", "angle"):
             if self.mirror is not None and getattr(self, name) is not None:

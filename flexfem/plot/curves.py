@@ -49,17 +49,31 @@ PLUS: dict[str, Any] = {
 }
 
 
+def rows_of(count: int) -> int:
+    """Return the number of rows of panels in two columns."""
+    return -(-count // 2)
+
+
+def paired_panels(
+    caption: records.Caption,
+    count: int,
+    height: float,
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a header and panels in two columns, or one panel.
+
+    height : in, of all rows.
+    """
+    columns = min(count, 2)
+    size = (WIDTH, height + 0.5)
+    return panels(size, caption.title, caption.lines, rows_of(count), columns, caption, count)
+
+
 @in_house_style
 def curves_figure(shown: records.Curves) -> Figure:
     """Draw the curves of several numbers over one factor, a panel for each number."""
     count = len(shown.panels)
-    columns = min(count, 2)
-    rows = -(-count // columns)
-    caption = shown.caption
-    height = PANEL_HEIGHT * rows if rows > 1 else SINGLE_HEIGHT
-    figure, axes = panels(
-        (WIDTH, height + 0.5), caption.title, caption.lines, rows, columns, caption, count
-    )
+    height = PANEL_HEIGHT * rows_of(count) if count > 2 else SINGLE_HEIGHT
+    figure, axes = paired_panels(shown.caption, count, height)
     for ax, panel in zip(axes, shown.panels, strict=True):
         plot_curves(ax, shown, panel)
     style.legend_below(figure, axes, 3)

@@ -20,7 +20,14 @@ from scipy.spatial import Delaunay, QhullError
 
 from flexfem.arrays import AnyArray, Array, is_wide
 from flexfem.plot import style
-from flexfem.plot.curves import curves_figure, effects_figure, name_above, set_few_ticks
+from flexfem.plot.curves import (
+    curves_figure,
+    effects_figure,
+    name_above,
+    paired_panels,
+    rows_of,
+    set_few_ticks,
+)
 from flexfem.plot.front import front_page
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, panels
 from flexfem.plot.text import minus, significant
@@ -30,6 +37,7 @@ from flexfem.study import records
 
 WIDTH = 8.27
 MAP_HEIGHT = 3.0  # in, of one of several maps
+SINGLE_MAP_HEIGHT = 5.5  # in
 PANEL_LABEL = 2.2  # in, of an axis of one of several maps
 LABEL_WIDTH = 4.4  # in, of a page and of the label of an axis
 FIRST_COLOUR = "#0072B2"
@@ -138,19 +146,8 @@ def plot_map(ax: Axes, shown: records.StudyMap) -> Axes:
 def maps_figure(shown: records.StudyMaps) -> Figure:
     """Draw maps of several numbers over the same factors, a panel for each number."""
     count = len(shown.maps)
-    columns = min(count, 2)
-    rows = -(-count // columns)
-    caption = shown.caption
-    size = (WIDTH, 0.5 + (MAP_HEIGHT * rows if count > 1 else 5.5))
-    figure, axes = panels(
-        size,
-        caption.title,
-        caption.lines,
-        rows,
-        columns,
-        caption,
-        count,
-    )
+    height = MAP_HEIGHT * rows_of(count) if count > 1 else SINGLE_MAP_HEIGHT
+    figure, axes = paired_panels(shown.caption, count, height)
     figure.draw_without_rendering()  # determines the sizes that labels of contours need
     entries = dict[str, Any]()
     for ax, each in zip(axes, shown.maps, strict=True):

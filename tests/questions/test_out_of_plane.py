@@ -72,7 +72,7 @@ def test_a_plane_model_has_no_frequency_out_of_the_plane():
     assert "first_out_of_plane" not in found.values
 
 
-def test_ratiosratios_by_thickness_belong_to_the_mode_of_the_same_frequency():
+def test_ratios_by_thickness_belong_to_the_mode_of_the_same_frequency():
     """The second mode, of a leaf alone, is not one of the network; the third is the second of the
     network.
     """
