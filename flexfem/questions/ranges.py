@@ -300,9 +300,9 @@ def _end(
 
 
 def described(layout: Layout, found: Ranges) -> list[str]:
-    """Return sentences that name the limit of every range."""
+    """Return sentences that name the limit of every range, and tell where parts nearly buckle."""
     by_limit = dict[str, list[str]]()
-    nearly_buckling = list[str]()
+    by_bowing = dict[str, list[str]]()
     for (which, sense, axis), end in sorted(found.ends.items(), reverse=True):
         name = layout.joints[end.hinge].name
         by_linear = ", by linear theory, which holds to its band" * end.linear
@@ -321,13 +321,18 @@ def described(layout: Layout, found: Ranges) -> list[str]:
         place = f"{'+-'[sense]}{DIRECTIONS[axis]} (others {('held', 'free')[which]})"
         by_limit.setdefault(limit, []).append(place)
         if end.bows_at and np.isfinite(end.displacement):
-            nearly_buckling.append(
-                f"parts nearly buckle on the way along {place}, at about "
-                f"{abs(end.bows_at / end.displacement):.0%} of the range; the force at its end is "
-                f"{end.softened:.0%} of that of linear theory, by beams"
+            bowing = (
+                f"at about {abs(end.bows_at / end.displacement):.0%} of the range; the force at its "
+                f"end is {end.softened:.0%} of that of linear theory, by beams"
             )
-    limits = [f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()]
-    return [*limits, *nearly_buckling]
+            by_bowing.setdefault(bowing, []).append(place)
+    return [
+        *(f"range along {', '.join(places)}: {limit}" for limit, places in by_limit.items()),
+        *(
+            f"parts nearly buckle on the way along {', '.join(places)}, {bowing}"
+            for bowing, places in by_bowing.items()
+        ),
+    ]
 
 
 def _body_name(layout: Layout, number: int) -> str:
